@@ -26,6 +26,7 @@ SECTIONS = {
     "thrusting": 1,
     "many": None,
     "shaping": 1,
+    "any_chief": 1,
     "formation": 1,
     "limits": 1,
     "locks": None,

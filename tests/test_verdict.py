@@ -270,7 +270,11 @@ def test_a_clear_path_beyond_the_limit() -> None:
 @pytest.mark.parametrize(
     ("obstacle", "arguments", "remedy"),
     [
-        (DEEP.coast(np.zeros(6), 1000.0), {}, "give more time, or obstacles that are known beyond 1000 s"),
+        (
+            DEEP.coast(np.zeros(6), 1000.0),
+            {},
+            "give more time, with obstacles and an orbit that are known beyond 1000 s",
+        ),
         (DEEP.coast(np.zeros(6), 1050.0), {}, "raise the limit"),  # not beyond what is known of the obstacle
         (LONG, {"longer": False}, "allow longer, or give more time"),
     ],

@@ -44,6 +44,10 @@ EXAMPLES = {
         "swap_deep_space": "paths",
         "f6_scatter": "stage-2-paths",
     },
+    "Eccentric and perturbed orbits": {
+        "eccentric_chief": "overview",
+        "j2_chief": "stage-1-paths",
+    },
     "Minimise delta-v, use real thrusters": {
         "safety_ellipse": "primer",
         "docking": "before-after",

@@ -153,7 +153,7 @@ def deviation(result: Any) -> float:
     paths, end = result.planned.paths, min(result.end, result.planned.end)
     planned = paths.position(end)
     if end < result.end:
-        planned = (paths.state(end) @ paths.orbit.transition(result.end - end).T)[..., :3]
+        planned = (paths.state(end) @ paths.orbit.transition(result.end - end, end).T)[..., :3]
     return float(np.linalg.norm(result.after.paths.position(result.end) - planned, axis=-1).max())
 
 

@@ -23,6 +23,8 @@ JOINT_DELTA_V = (
     "planning.delta_v.dual.impulse_paths planning.delta_v.dual.plane_shortfalls"
 )
 PASSIVE_SAFETY = "safety.failure_search"
+ABOUT_CHIEF = "motion.chief.segments conflicts.beside_chief planning.problem.pieces"
+PASSIVE_ABOUT_CHIEF = "safety.drift_beside_chief"
 SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
 ERRORS = (
     "uncertainty.sigmas.levels uncertainty.sigmas.conflicts uncertainty.sigmas.rejection "
@@ -50,6 +52,9 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
         )
         return
     yield MOTION
+    hill = scenario.orbit.model == "hill"
+    if not hill:
+        yield ABOUT_CHIEF
     for stage in scenario.stages:
         plans = isinstance(stage, Avoid | Joint)
         cost = stage.cost if isinstance(stage, Thrusting) else None
@@ -64,8 +69,8 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
         if plans and cost == "delta-v":
             yield JOINT_DELTA_V
         if getattr(stage, "drift", None) is not None:
-            yield PASSIVE_SAFETY
-            if plans:
+            yield PASSIVE_SAFETY if hill else PASSIVE_ABOUT_CHIEF
+            if plans and hill:
                 yield SAFE_PLANS
         if stage.sigmas is not None:
             yield ERRORS

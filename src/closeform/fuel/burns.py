@@ -80,7 +80,7 @@ def _pushes(path: Path, arcs: Floats, run: Floats) -> Floats:
     found = np.zeros((int(run.max()) + 1 if len(run) else 0, 3))
     for arc, index in zip(arcs, run, strict=True):
         duration = arc[END] - arc[START]
-        pieces = int(np.ceil(path.orbit.mean_motion * duration / PIECE)) or 1
+        pieces = int(np.ceil(2.0 * np.pi / path.orbit.period * duration / PIECE)) or 1
         half = 0.5 * duration / pieces
         middles = arc[START] + half * (2.0 * np.arange(pieces) + 1.0)
         alone = Path(path.orbit, arc[None], np.array([0, 1]), ())

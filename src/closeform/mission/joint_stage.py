@@ -12,7 +12,6 @@ from closeform.mission.mission_result import ReconfigureResult, StageResult
 from closeform.mission.stage_margin import with_margin
 from closeform.mission.stage_start import StageStart, too_late
 from closeform.mission.thruster_firing import pulsed
-from closeform.motion.duration import far_beyond
 from closeform.named_craft import named
 from closeform.scenario import Goal, Joint, Reconfigure, Regather, Scatter
 
@@ -62,7 +61,7 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
     moving = [names.index(name) for name in stage.moving(names)]
 
     def goals(duration: float) -> Floats:
-        coasted = np.asarray(start.states @ start.orbit.transition(duration).T)
+        coasted = np.asarray(start.states @ start.orbit.transition(duration, start.time).T)
         slots = stage.known(start.orbit, len(moving), start.latitude(duration))
         if slots is not None:
             return stage.centred(slots, coasted[moving])
@@ -124,7 +123,7 @@ def planned(
         order += [k for k in range(len(moving)) if k not in order]
     duration, known = start.asked(stage), start.planned_errors(stage, moving + rest)
     drift = start.planned_drift(stage)
-    seen = far_beyond(duration + (drift or 0.0), start.orbit.mean_motion)
+    seen = start.known_for(duration + (drift or 0.0))
     coasting = [start.coast(k, seen) for k in rest]
     measures: tuple[str, ...] = ()
     punctual: Floats | None = None

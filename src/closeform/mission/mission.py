@@ -205,11 +205,11 @@ def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[A
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
     """Evaluate natural motion with the given impulses; spacecraft listed in `follow` follow their files."""
-    n, names = start.orbit.mean_motion, start.scenario.names
-    duration = stage.length.on(n)
+    period, names = start.orbit.period, start.scenario.names
+    duration = stage.length.on(period)
     given: list[list[tuple[float, Floats]]] = [[] for _ in names]
     for k, burn in enumerate(stage.burns, 1):
-        at = burn.at.on(n)
+        at = burn.at.on(period)
         if at >= duration:
             raise ValueError(f"burns[{k}].at: {at:.6g} s is not before the end of the stage; fire it earlier")
         given[names.index(burn.craft)].append((at, np.array(burn.delta_v)))

@@ -118,7 +118,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         arcs = paths.arcs.copy()
         for k in self.on_ephemerides:
             own = arcs[paths.offsets[k] : paths.offsets[k + 1]]  # cubics have a mean motion of 0
-            own[:, THRUST:], own[:, MEAN_MOTION] = 0.0, paths.orbit.mean_motion
+            own[:, THRUST:], own[:, MEAN_MOTION] = 0.0, paths.orbit._column
         return Path(paths.orbit, arcs, paths.offsets, paths.shape)
 
     @cached_property
@@ -322,7 +322,7 @@ class Mission(Stages):
             tuple(result.late for result in self.flown if result.late is not None),
             asked=(*judged, *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
-            model="Hill's equations" if watched and self.orbit.mean_motion else "",
+            model=self.orbit._model if watched else "",
             margin=least_margin(self) if watched else None,
             predicted=predicted(self),
             field=next((one.validity.field for one in self.flown if one.validity is not None), ""),
@@ -408,7 +408,7 @@ class Mission(Stages):
         """Warnings: noncircular chief orbit, late stages, conflicts by model error, exceeded limits."""
         chief, known = self.scenario.chief, any(result.validity is not None for result in self.flown)
         return (
-            *(() if chief is None or known else chief.warnings),
+            *(() if chief is None or known or self.scenario.orbit.model != "hill" else chief.warnings),
             *(one.warning for one in self.verdict.late),
             *eaten(self),
             *(use.warning(self.grams) for use in self.uses if use.exceeded),

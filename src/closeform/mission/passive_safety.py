@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
+from closeform.conflicts.two_paths import closest_approach
 from closeform.dynamics.clearance import minimum_ratios
 from closeform.dynamics.force_model.field import described
 from closeform.dynamics.simulation.loss_of_thrust import Loss, sampled_losses
@@ -17,8 +18,9 @@ from closeform.mission.mission_result import AvoidResult, ReconfigureResult, Sta
 from closeform.mission.simulation_verdict import Neglected
 from closeform.mission.verdict import Asked, metres
 from closeform.motion.arc import IMPULSE, THRUST
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
-from closeform.safety.drift_approach import drift_approach
+from closeform.safety.drift_approach import drift_approach, passively_safe
 from closeform.safety.drift_screen import drift_screen
 from closeform.safety.failure_cells import extended_by_coasts
 from closeform.safety.failures import Failure, ThrustLost
@@ -31,6 +33,7 @@ MOST = 2000  # maximum number of directed pairs with an exact minimum; of more, 
 ROUNDING = 1e-8  # relative tolerance within which a bound equals a clearance ratio
 HILL = "Hill's equations"
 CHUNK = 64  # directed pairs that one thread evaluates at a time
+LOSSES = 200  # instants of loss of thrust sampled about a chief that is not on a circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +104,8 @@ class PassiveSafety:
     @property
     def models(self) -> str:
         """Text that names the dynamics of the evaluation."""
-        return f"in {HILL}" + f" and in {self.field}" * bool(self.field)
+        linear = next((pair.model for pair in self.pairs if pair.model != self.field), HILL)
+        return f"in {linear}" + f" and in {self.field}" * bool(self.field)
 
     @property
     def unsafe(self) -> tuple[PairDrift, ...]:
@@ -138,7 +142,7 @@ def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety |
     stage = result.stage
     if not isinstance(stage, Drifting) or stage.drift is None or not result.flown:
         return None
-    drift, failure = stage.drift.on(result.after.paths.orbit.mean_motion), stage.what_fails
+    drift, failure = stage.drift.on(result.after.paths.orbit.period), stage.what_fails
     until, planned, zones = result.end + drift, is_planned(result), scenario.zones
     pairs, count = nearest(result.after, zones, until, failure)
     direct: tuple[PairDrift, ...] = ()
@@ -261,7 +265,7 @@ def unplanned(scenario: Scenario, result: StageResult[Any, Any]) -> PairDrift | 
     """Return the closest pair of the direct paths after a failure; None if the stage requires no safety."""
     if not isinstance(result.stage, Drifting) or result.stage.drift is None:
         return None
-    until = result.before.end + result.stage.drift.on(result.before.paths.orbit.mean_motion)
+    until = result.before.end + result.stage.drift.on(result.before.paths.orbit.period)
     pairs, _ = nearest(result.before, scenario.zones, until, result.stage.what_fails)
     return pairs[0] if pairs else None
 
@@ -286,6 +290,8 @@ def nearest(
 
     def search(job: tuple[Zone, Any, Any]) -> list[PairDrift]:
         zone, first, second = job
+        if isinstance(paths.orbit, ChiefOrbit):
+            return [*beside_chief(flight, flying, job, until)]
         close = drift_approach(paths[first], flying[second], zone, until, failure)
         at = np.where(thrusts[first], close.failed_at, nan)
         columns = first, second, at, close.time, close.ratio, close.distance, close.lower
@@ -297,6 +303,29 @@ def nearest(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         pairs = [pair for some in pool.map(search, looked) for pair in some]
     return tuple(sorted(pairs, key=lambda pair: (round(pair.ratio, 9), pair.time))), asked
+
+
+def beside_chief(
+    flight: WatchedFlight, flying: Path, job: tuple[Zone, Any, Any], until: float
+) -> Iterator[PairDrift]:
+    """Yield the closest approach of directed pairs after a loss of thrust, about any chief.
+
+    Safety is certified; the closest approach is that of `LOSSES` instants of loss.
+    """
+    zone, first, second = job
+    for one, other in zip(first.tolist(), second.tolist(), strict=True):
+        path, met = flight.paths[one], flying[other]
+        thrusts = does_thrust(path)
+        times = np.linspace(path.start, path.end, LOSSES) if thrusts else np.array([path.start])
+        times = times[times < until]
+        coasts = path.orbit.coast(path.state(times), until - times, times)
+        close = closest_approach(coasts, met, zone)
+        k = int(np.argmin(close.ratio))
+        lost_at = float(times[k]) if thrusts else nan
+        time, ratio, distance = (float(column[k]) for column in (close.time, close.ratio, close.distance))
+        lower = 1.0 if passively_safe(path, met, zone, until) else 0.0
+        fails, meets = flight.names[one], flight.names[other]
+        yield PairDrift(fails, meets, zone, lost_at, time, ratio, distance, lower, path.orbit._model)
 
 
 def is_planned(result: StageResult[Any, Any]) -> bool:

@@ -144,8 +144,11 @@ class Neglected:
     def on(cls, orbit: "Orbit", scenario: "Scenario") -> "Neglected | None":
         """Return the orbit of a scenario without a high-fidelity model.
 
-        Return None with such a model, in deep space and around other bodies.
+        Return None with such a model, in deep space, about a chief that is not on a circle, and around other
+        bodies.
         """
+        if scenario.orbit.model != "hill":
+            return None
         n, chief = orbit.mean_motion, scenario.chief
         mu = chief.mu if chief is not None else scenario.orbit.mu or EARTH_MU
         if (

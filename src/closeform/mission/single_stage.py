@@ -13,7 +13,6 @@ from closeform.mission.mission_result import AvoidResult, StageResult, TransferR
 from closeform.mission.stage_margin import with_margin
 from closeform.mission.stage_start import StageStart, too_late
 from closeform.mission.thruster_firing import pulsed
-from closeform.motion.duration import far_beyond
 from closeform.motion.joining import join
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
@@ -58,7 +57,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     chosen = [mover, *(names.index(name) for name in rest)]
     known = start.planned_errors(stage, chosen)
     drift = start.planned_drift(stage)
-    seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
+    seen = start.known_for(asked + (drift or 0.0))
     others = [other(name, seen) for name in rest]
     zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
 
@@ -90,7 +89,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     limited = craft.limited and thrusters is None
     errors = {} if known is None else {"errors": known[0], "other_errors": known[1:], "sigmas": stage.sigmas}
 
-    required = built_all(stage, start.time, start.orbit.mean_motion)
+    required = built_all(stage, start.time, start.orbit.period)
 
     def made(margin: Any) -> Plan:
         request = Request.of_path(

@@ -15,6 +15,8 @@ from closeform.exchange.ephemerides.spans import LEAST as LEAST_JUMP
 from closeform.fuel.thrusters import Thrusters
 from closeform.mission.verdict import Late, thrust_use
 from closeform.motion.arc import IMPULSE
+from closeform.motion.chief_orbit import ChiefOrbit
+from closeform.motion.duration import far_beyond
 from closeform.motion.joining import join, stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from closeform.mission.mission_result import StageResult
 
 LATE = 1.0 + 1e-6  # multiple of the requested duration above which a stage is late
+KNOWN, LONGER = 10.0, 4.0  # orbits, and multiples of a move, for which coasts beside a chief are known
 Clear = Callable[[Floats], Any]  # final states (S, 6) -> mask (S,) of those outside of all zones
 PHASES, A_DEGREE = 36_000, 100  # searched phases of a relative orbit: in all, and per degree
 
@@ -77,7 +80,7 @@ class StageStart:
         """Return the start of a plan that leaves the reserve `room`, after the coast before it."""
         if not room.before:
             return replace(self, room=room)
-        states = self.states @ self.orbit.transition(room.before).T
+        states = self.states @ self.orbit.transition(room.before, self.time).T
         errors = tuple(self.later(k, room.before) for k in range(len(self.errors)))
         return replace(self, states=states, time=self.time + room.before, room=room, errors=errors)
 
@@ -102,7 +105,7 @@ class StageStart:
 
     def asked(self, stage: Avoid | Joint | Transfer) -> float:
         """Return the duration [s] of plans of a stage, without the reserve for burns at both ends."""
-        asked = stage.within.on(self.orbit.mean_motion)
+        asked = stage.within.on(self.orbit.period)
         if asked <= self.room.time:
             raise ValueError(
                 f"within: {asked:.6g} s is too short for burns at both ends, which take "
@@ -110,14 +113,25 @@ class StageStart:
             )
         return asked - self.room.time
 
+    def known_for(self, duration: float) -> float:
+        """Return the time [s] over which plans of a `duration`, which may be lengthened, know coasting craft.
+
+        About a chief that is not on a circle it is ten orbits, within the span of the chief.
+        """
+        if not isinstance(self.orbit, ChiefOrbit):
+            return far_beyond(duration, self.orbit.mean_motion)
+        most = max(KNOWN * self.orbit.period, LONGER * duration)
+        return float(min(most, self.orbit.chief.span[1] - self.time))
+
     def planned_drift(self, stage: Avoid | Joint) -> float | None:
         """Return the passive-safety horizon [s] after the plan; None if the planner does not consider it.
 
-        Passive safety of such a stage is only checked afterwards.
+        Passive safety of such a stage is only checked afterwards, as beside a chief that is not on a circle.
         """
-        if stage.drift is None or not stage.plans_drift or not stage.is_exact:
+        planned = stage.plans_drift and stage.is_exact and not isinstance(self.orbit, ChiefOrbit)
+        if stage.drift is None or not planned:
             return None
-        return stage.drift.on(self.orbit.mean_motion) + self.room.after
+        return stage.drift.on(self.orbit.period) + self.room.after
 
     @cached_property
     def keep_out(self) -> tuple[OwnZone | None, ...]:
@@ -179,7 +193,7 @@ class StageStart:
 
     def latitude(self, duration: float) -> float:
         """Return the argument of latitude [rad] of the origin after a `duration` [s]."""
-        return self.scenario.orbit.latitude + self.orbit.mean_motion * (self.time + duration)
+        return self.scenario.orbit.latitude + 2.0 * pi / self.orbit.period * (self.time + duration)
 
     def earlier(self, states: Floats) -> Floats:
         """Return the end states (..., 6) of plans from which a coast reaches `states` at the stage's end."""
@@ -199,7 +213,7 @@ class StageStart:
     def cheapest(self, k: int, finals: Floats, duration: float, cost: Cost) -> tuple[int, float]:
         """Return the index of the final state (S, 6) with the lowest cost for craft k, and that cost."""
         if cost == "energy":
-            spent = self.orbit.transfer(self.states[k], finals, duration).energy
+            spent = self.orbit.transfer(self.states[k], finals, duration, self.time).energy
             return int(np.argmin(spent)), float(np.min(spent))
         from closeform.fuel.arrivals import transfer_cost_table  # kernels that only this needs
 

@@ -189,7 +189,7 @@ def missed(
     """Return distance [m] and speed [m/s] (N, 2) of each fired path from its target at the end."""
     from closeform.fuel.pulses import extended
 
-    coast = start.orbit.transition(end - planned.end)
+    coast = start.orbit.transition(end - planned.end, planned.end)
     targets = [coast @ planned.path(name).state(planned.end) for name in names]
     fired = [extended(shot.path[k], start.time, end).state(end) for k in range(len(names))]
     off = (np.array(fired) - targets).reshape(len(names), 2, 3)
@@ -213,7 +213,7 @@ def adrift(start: StageStart, stage: Any, flight: WatchedFlight) -> float:
         return np.inf
     from closeform.mission.passive_safety import nearest as nearest_drifts  # kernels of drifts only
 
-    until = flight.end + stage.drift.on(start.orbit.mean_motion)
+    until = flight.end + stage.drift.on(start.orbit.period)
     pairs, _ = nearest_drifts(flight, start.scenario.zones, until, stage.what_fails)
     fail = stage.moving(flight.names)[: 1 if isinstance(stage, Avoid) else None]  # `meanwhile` is not planned
     return min((pair.proven for pair in pairs if pair.fails in fail), default=np.inf)

@@ -29,7 +29,7 @@ from closeform.motion.sampling import nodes_of
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
 
-SUPPORTED = "transfer, impulsive, screen and passively_safe, which hold about any chief"
+SUPPORTED = "transfer, impulsive, avoid, reconfigure, screen and passively_safe, which hold about any chief"
 
 
 PROVEN = 1e-6  # relative gap between the cost of impulses and its lower bound
@@ -222,6 +222,12 @@ class ChiefOrbit(ReferenceOrbit):
         return np.array([*out, row])
 
     # What paths ask of their orbit
+
+    @property
+    def _model(self) -> str:
+        """Name of the equations of relative motion."""
+        words = str(self.chief)
+        return f"linear motion beside {'an' if words[0] in 'aeiou' else 'a'} {words}"
 
     @property
     def _column(self) -> float:

@@ -350,6 +350,11 @@ class Orbit(CircularOrbit, ReferenceOrbit):
         return fired_at_ends(path, (np.asarray(states) - arrivals)[..., [0, -1], 3:])
 
     @property
+    def _model(self) -> str:
+        """Name of the equations of relative motion; empty in deep space, where there are none."""
+        return "Hill's equations" if self.mean_motion else ""
+
+    @property
     def _column(self) -> float:
         """Value of the column MEAN_MOTION of arcs in this orbit."""
         return self.mean_motion

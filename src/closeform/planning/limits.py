@@ -63,7 +63,7 @@ def longest(orbit: Orbit, duration: float) -> float:
     It is ten orbits or twice the duration, in deep space a hundred times the duration, over which thrust
     falls to a ten-thousandth.
     """
-    if not orbit.mean_motion:
+    if orbit.period == np.inf:
         return FAR * duration
     return max(REACH * orbit.period, LARGEST_STEP * duration)
 

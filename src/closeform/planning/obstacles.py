@@ -25,7 +25,7 @@ def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Pat
     some = list(some) if isinstance(some, Iterable) else [some]
     if not all(isinstance(one, Path) for one in some):
         raise ValueError(f"obstacles: expected paths, got {shown(obstacles)}")
-    if any(one.orbit.mean_motion != orbit.mean_motion for one in some):
+    if any(one.orbit != orbit for one in some):
         raise ValueError("obstacles: must be in the same orbit as the planned paths")
     if len(some) == 1 and len(some[0].shape) == 1:
         return some[0] if len(some[0]) else None

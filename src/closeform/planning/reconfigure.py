@@ -48,8 +48,9 @@ def reconfigure(
 
     Parameters
     ----------
-    orbit : Orbit
-        Reference orbit; all states are in its rotating frame.
+    orbit : Orbit or ChiefOrbit
+        Reference orbit; all states are in its rotating frame.  About a chief that is not on a circle the cost
+        is energy, states are known exactly, and passive safety is only verified.
     initial : array_like of shape (N, 6) [m, m/s]
         States at each spacecraft's `start`, in the rotating frame.  Before it the spacecraft coasts.
     final : array_like of shape (N, 6) [m, m/s]

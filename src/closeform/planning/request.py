@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -25,8 +26,9 @@ from closeform.arrays import (
 )
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.joining import stack
-from closeform.motion.orbit import Orbit, circular_orbit
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of
 from closeform.planning.bounds.branch_and_bound import GAP
 from closeform.planning.delta_v.unconstrained import costs_alone
@@ -133,7 +135,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(circular_orbit("orbit", orbit), obstacles)
+        batch = obstacle_batch(check_orbit(orbit, method, cost, (errors,)), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (
@@ -218,7 +220,7 @@ class Request:
             instance("thrusters", thrusters, Thrusters)
             if max_acceleration is not None:
                 raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
-        batch = obstacle_batch(path.orbit, obstacles)
+        batch = obstacle_batch(check_orbit(path.orbit, method, cost, (errors, other_errors)), obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
         limits = None
@@ -273,14 +275,13 @@ class Request:
         """The unconstrained optima, each over the spacecraft's own time."""
         if self.given is not None:
             return stack([transfer_of(self.given)])
-        before = self.orbit.transition(-self.early)
-        finals = (before @ self.places[self.slots][:, :, None])[..., 0]
+        finals = (self._before_slots @ self.places[self.slots][:, :, None])[..., 0]
         return self.orbit.transfer(self.initial, finals, self.durations, self.starts)
 
     @property
     def costs(self) -> Floats:
         """Minimum costs (N, S) of every spacecraft to every slot, without any keep-out zone."""
-        finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
+        finals = self.places @ self._before_slots.transpose(0, 2, 1)
         if any(own is not None for own in self.thrusters):
             given = self.orbit, self.initial, finals, self.durations, self.starts
             return costs_alone(*given, self.thrusters, self.names)
@@ -288,26 +289,44 @@ class Request:
         costs: Floats = (
             least_delta_v(self.orbit, begins, finals, durations).lower
             if self.cost == "delta-v"
-            else self.orbit.transfer(begins, finals, durations).energy
+            else self.orbit.transfer(begins, finals, durations, self.starts[:, None]).energy
         )
         return costs
 
     @property
+    def _before_slots(self) -> Floats:
+        """Matrices (N, 6, 6) from the states at the slots' epoch to those on arrival."""
+        return self.orbit.transition(-self.early, self.starts + self.durations + self.early)
+
+    @property
     def longest(self) -> float:
-        """Largest factor of all durations for which the obstacles remain known until the horizon ends.
+        """Largest factor of all durations for which obstacles and orbit remain known until the horizon ends.
 
         An obstacle of a formation is absent after its path ends, unless there is a passive-safety horizon.
         """
-        if self.obstacles is None or (self.drift is None and self.given is None):
-            return np.inf
-        last = float((self.starts + self.durations).max()) - ROUNDING * float(self.durations.max())
-        ends = self.obstacles.end[self.obstacles.end >= last] - (self.drift or 0.0)
-        return float(((ends.min(initial=np.inf) - self.starts) / self.durations).min())
+        known = self.orbit.chief.span[1] if isinstance(self.orbit, ChiefOrbit) else np.inf
+        if self.obstacles is not None and (self.drift is not None or self.given is not None):
+            last = float((self.starts + self.durations).max()) - ROUNDING * float(self.durations.max())
+            known = self.obstacles.end[self.obstacles.end >= last].min(initial=known)
+        return float(((known - (self.drift or 0.0) - self.starts) / self.durations).min())
+
+    @property
+    def verifies_drift(self) -> bool:
+        """True if passive safety is only verified, as beside a chief that is not on a circle."""
+        return self.drift is not None and isinstance(self.orbit, ChiefOrbit)
 
     def problem(self) -> Problem:
-        """Return the planning problem of this request."""
+        """Return the planning problem of this request: a new one each time with `drift` or errors."""
+        return self._plain if self.drift is None and self.errors is None else self._new_problem()
+
+    @cached_property
+    def _plain(self) -> Problem:
+        return self._new_problem()
+
+    def _new_problem(self) -> Problem:
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
-        plain = Problem.of(self.direct, self.obstacles, zones, self.drift)
+        drift = None if self.verifies_drift else self.drift
+        plain = Problem.of(self.direct, self.obstacles, zones, drift)
         plain = replace(plain, requirements=self.requirements) if self.requirements else plain
         return plain if self.errors is None else self.errors.problem(plain)
 
@@ -339,7 +358,8 @@ class Request:
         """Return the request with `factor` times the durations; the final states hold at the later ends."""
         if self.path_over is not None:
             return replace(self, **_ends(self.path_over(factor)))
-        return replace(self, durations=factor * self.durations).cheapest()
+        later = replace(self, durations=factor * self.durations)
+        return later.cheapest() if later.longest >= 1.0 else later
 
     def staggered(self, share: float) -> Request:
         """Return the request with staggered starts: the last waits for `share` of the longest duration.
@@ -349,9 +369,28 @@ class Request:
         """
         longest = share * self.durations.max()
         waits = np.linspace(0.0, longest, len(self.initial))
-        initial = (self.orbit.transition(waits) @ self.initial[:, :, None])[..., 0]
-        later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
-        return later.cheapest()
+        later = replace(self, early=longest - waits, starts=self.starts + waits)
+        if later.longest < 1.0:
+            return later
+        ahead = self.orbit.transition(waits, self.starts)
+        return replace(later, initial=(ahead @ self.initial[:, :, None])[..., 0]).cheapest()
+
+
+def check_orbit(orbit: Any, method: str, cost: str, errors: Sequence[Any]) -> Any:
+    """Return an orbit in which a plan is supported; raise ValueError with the alternative otherwise."""
+    if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
+        return orbit
+    refused = {
+        "cost: 'delta-v'": (cost == "delta-v", "set cost 'energy', or use impulsive, which knows no zones"),
+        "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
+        "errors": (_any_errors(errors), "omit them, and enlarge the zones by `margin`"),
+    }
+    for name, (asked, remedy) in refused.items():
+        if asked:
+            raise ValueError(
+                f"{name}: planned about a circular orbit only, not about an {orbit.chief}; {remedy}"
+            )
+    return orbit
 
 
 def _ends(path: Path) -> dict[str, Any]:

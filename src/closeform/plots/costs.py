@@ -82,7 +82,7 @@ class ContactTerms:
     def __call__(self, times: Floats) -> Floats:
         """Return the sum (T, 3) of the contributions of all later contacts at given times [s]."""
         ahead = self.times - np.asarray(times)[:, None]
-        moves = self.orbit.transition(-ahead)[..., :3, 3:]
+        moves = self.orbit.transition(-ahead, self.times)[..., :3, 3:]
         felt = np.where(ahead > 0.0, 1.0, 0.0)[..., None] * -np.einsum("tkij,kj->tki", moves, self.pushes)
         return np.asarray(felt.sum(axis=1))
 
@@ -104,7 +104,7 @@ class Primer:
         """Fit the primer to a path's impulses: along them and of length 1, as closely as possible."""
         times = np.array([time for time, _ in path.impulses])
         pushes = np.array([push for _, push in path.impulses])
-        rows = positions(path.orbit, times - path.start)
+        rows = positions(path.orbit, times, path.start)
         if thrusters is not None:
             return cls(path.start, _along(path, contacts, thrusters, pushes, rows), contacts, thrusters)
         sizes = np.linalg.norm(pushes, axis=1, keepdims=True)
@@ -116,7 +116,7 @@ class Primer:
 
     def __call__(self, times: Floats) -> Floats:
         """Return the primer p (T, 3) at given times [s]."""
-        return positions(self.contacts.orbit, times - self.start) @ self.first + self.contacts(times)
+        return positions(self.contacts.orbit, times, self.start) @ self.first + self.contacts(times)
 
     def heights(self, times: Floats) -> Floats:
         """Return the maximum value (T,) of an impulse per metre per second."""
@@ -134,9 +134,9 @@ class Primer:
         return float(allocation.amounts(allocation.facets(push[None], 0.0), push[None]).sum())
 
 
-def positions(orbit: Orbit, times: Any) -> Floats:
-    """Return Psi (T, 3, 6), which maps an initial state to the positions of its natural motion."""
-    return orbit.transition(times)[..., :3, :]
+def positions(orbit: Orbit, times: Any, start: float) -> Floats:
+    """Return Psi (T, 3, 6), which maps a state at a start to positions of its natural motion at `times`."""
+    return orbit.transition(times - start, start)[..., :3, :]
 
 
 def _along(path: Path, contacts: ContactTerms, thrusters: Thrusters, pushes: Floats, rows: Floats) -> Floats:
@@ -147,7 +147,7 @@ def _along(path: Path, contacts: ContactTerms, thrusters: Thrusters, pushes: Flo
     scale = np.array([1.0] * 3 + [1.0 / (path.end - start)] * 3)
     times = np.union1d(np.linspace(start, path.end, GRID), [time for time, _ in path.impulses])
     toward = thrusters.directions_at(orbit, times)
-    limits = np.einsum("tmi,tij->tmj", toward, positions(orbit, times - start) * scale).reshape(-1, 6)
+    limits = np.einsum("tmi,tij->tmj", toward, positions(orbit, times, start) * scale).reshape(-1, 6)
     room = 1.0 - np.einsum("tmi,ti->tm", toward, contacts(times)).ravel()
     gain = np.einsum("ji,jik->k", pushes, rows * scale)
     penalty = PENALTY * np.linalg.norm(pushes, axis=1).sum()

@@ -705,10 +705,10 @@ def gap(found: Failed, failed_at: float | None, times: Floats) -> Floats:
     if failed_at is None:
         places = path.position(np.minimum(times, path.end))
     else:
-        places = (orbit.transition(times - failed_at) @ path.state(failed_at))[..., :3]
+        places = (orbit.transition(times - failed_at, failed_at) @ path.state(failed_at))[..., :3]
     inside = np.minimum(times, found.other.end)
     states = found.other.state(inside)
-    carried = np.einsum("tij,tj->ti", orbit.transition(times - inside), states)
+    carried = np.einsum("tij,tj->ti", orbit.transition(times - inside, inside), states)
     return np.asarray(places - np.where((times > inside)[:, None], carried, states)[:, :3])
 
 

@@ -65,10 +65,10 @@ class Choices:
         """The delta-v bounds of the movers; None with too many movers or too long a duration."""
         from closeform.fuel.bound import least_delta_v
 
-        initial, final, duration, _ = self.ends
+        initial, final, duration, start = self.ends
         if len(self.movers) > MOST or duration > MOST_TURNS * self.mission.orbit.period:
             return None
-        return least_delta_v(self.mission.orbit, initial, final, duration)
+        return least_delta_v(self.mission.orbit, initial, final, duration, start=start)
 
     @property
     def lower(self) -> float:
@@ -83,7 +83,7 @@ class Choices:
         craft = [self.craft[k] for k in self.places]
         limits = [one.max_acceleration for one in craft]
         options: dict[str, Callable[[], Any]] = {"minimum energy": lambda: orbit.transfer(*task).delta_v}
-        if orbit.mean_motion:
+        if orbit.period < np.inf:
             options["impulses at both ends"] = lambda: orbit.two_impulse(*task).delta_v
         if np.isfinite(limits).all():
             options["minimum energy, within the limit"] = lambda: orbit.transfer(*task, limits).delta_v
@@ -92,7 +92,7 @@ class Choices:
             )
         if all(one.thrusters is not None for one in craft):
             options["impulses of these thrusters"] = self.by_thrusters
-        impulses = "free impulses" if orbit.mean_motion else "two impulses"  # in deep space: at both ends
+        impulses = "free impulses" if orbit.period < np.inf else "two impulses"  # in deep space: at both ends
         options[f"minimum delta-v, {impulses}"] = lambda: self.least.upper
         return {name: self.spent_or_why(spent) for name, spent in options.items()}
 
@@ -217,10 +217,10 @@ class Choices:
         """The minimum delta-v to the same natural motions by duration, summed over the movers."""
         from closeform.fuel.arrivals import transfer_cost_table
 
-        orbit, (initial, final, duration, _) = self.mission.orbit, self.ends
+        orbit, (initial, final, duration, start) = self.mission.orbit, self.ends
         times = duration * DURATIONS
         times = times[times <= MOST_TURNS * orbit.period]
-        slots = final @ orbit.transition(-duration).T
+        slots = final @ orbit.transition(-duration, start + duration).T
         each = [
             transfer_cost_table(orbit, one, slot[None], times)
             for one, slot in zip(initial, slots, strict=True)

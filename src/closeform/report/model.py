@@ -12,6 +12,8 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.mission.mission_result import Mission, StageResult
 from closeform.mission.simulation_verdict import mission_error
 from closeform.mission.verdict import metres
+from closeform.motion.chief.oblate_or_supplied import OblateChief
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 from closeform.report.section import Column, Section, Table, plan_of
 
@@ -28,6 +30,7 @@ DEVIATIONS = (
     Column("here [m]", "deviation_m", "{:.3g}".format),
     Column("a tenth of the smallest zone at", "limit", words=True),
 )
+BOUNDS = "Upper bounds on the model error within one orbit, by cause"
 SURE = Column("figure", "figure", words=True), Column("certainty", "words", words=True)
 LOCKS = (
     "Locks",
@@ -78,9 +81,12 @@ def section(mission: Mission) -> Section:
     if not executed:
         return Section("Limits of the model", tables=(sure,))
     reach = Reach.of([result.after for result in executed])
-    n, mu, chief = mission.orbit.mean_motion, mission.scenario.orbit.mu, mission.scenario.chief
+    n, mu, chief = 2.0 * pi / mission.orbit.period, mission.scenario.orbit.mu, mission.scenario.chief
     orbit = Circle(n, mu or EARTH_MU) if chief is None else Circle(n, chief.mu, chief.eccentricity)
-    (exact, far), tables = beyond(reach, orbit, executed[-1].end)
+    if isinstance(mission.orbit, ChiefOrbit):
+        (exact, far), tables = beside_chief(reach, mission.orbit, orbit, executed[-1].end)
+    else:
+        (exact, far), tables = beyond(reach, orbit, executed[-1].end)
     lines = exact, *beside(mission, executed), far
     return Section("Limits of the model", lines, (*tables, sure))
 
@@ -111,10 +117,31 @@ def certain(rows: list[tuple[str, str]]) -> Table:
     return Table("Certified and estimated figures", SURE, rows)
 
 
+def beside_chief(
+    reach: Reach, motion: ChiefOrbit, orbit: Circle, duration: float
+) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """Return lines and tables on the model error at a given reach beside a chief that is not on a circle."""
+    lines = (
+        f"Paths, conflicts and plans are exact for {motion._model}: small separations, no force but gravity "
+        "and the craft's own thrust, initial states as given.",
+        f"{farthest(reach)}. The table bounds the model error per orbit; the mission lasts "
+        f"{duration / motion.period:.3g} orbits.",
+    )
+    kept = [row for row in deviations(reach, orbit) if "eccentricity" not in row[0]]
+    if isinstance(motion.chief, OblateChief):
+        kept = [row for row in kept if "oblateness" not in row[0]]
+    return lines, (Table(BOUNDS, DEVIATIONS, kept),)
+
+
+def farthest(reach: Reach) -> str:
+    """Return the largest distance from the frame's origin as text."""
+    where = f"{reach.distance:.1f} m ({reach.craft}, {reach.time:.1f} s)"
+    return f"Largest distance from the frame's origin: {where}"
+
+
 def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Return lines and tables on the model error at a given reach, in a flight of a duration [s]."""
-    where = f"{reach.distance:.1f} m ({reach.craft}, {reach.time:.1f} s)"
-    far = f"Largest distance from the frame's origin: {where}"
+    far = farthest(reach)
     if not orbit.mean_motion:
         off = 0.5e-9 * duration**2
         return (
@@ -130,8 +157,7 @@ def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...
         f"{far}. The table bounds the model error per orbit; the mission lasts {orbits:.3g} orbits. Enlarge "
         "zones by the error that builds up until states are measured again.",
     )
-    title = "Upper bounds on the model error within one orbit, by cause"
-    return lines, (Table(title, DEVIATIONS, [*deviations(reach, orbit)]),)
+    return lines, (Table(BOUNDS, DEVIATIONS, [*deviations(reach, orbit)]),)
 
 
 def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby, takewhile
-from math import degrees, hypot, pi
+from math import degrees, hypot, inf, pi
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
@@ -239,7 +239,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
     if not result.flown:
         return
     if "within" in stage.durations:
-        asked = stage.durations["within"].on(mission.orbit.mean_motion)
+        asked = stage.durations["within"].on(mission.orbit.period)
         took = f"takes {result.end - result.start:.1f} s"
         yield f"{where}: within {asked:.1f} s", took, result.late is None
     arrival = getattr(stage, "arrival", None)
@@ -314,8 +314,8 @@ class RunReport:
     @property
     def opening(self) -> str:
         """One line on the spacecraft, the orbit, the duration and the epoch."""
-        n, results = self.mission.orbit.mean_motion, self.mission.results
-        where = f"an orbit of {2 * pi / n / 60.0:.2f} min" if n else "deep space"
+        period, results = self.mission.orbit.period, self.mission.results
+        where = f"an orbit of {period / 60.0:.2f} min" if period < inf else "deep space"
         craft = counted(len(self.mission.scenario.craft), "craft", "craft")
         epoch = self.mission.scenario.epoch
         begun = "" if epoch is None else f" from {epoch}"
@@ -413,7 +413,7 @@ class RunReport:
             **mission.verdict.figures,
             "stopped": mission.stopped,
             "warnings": list(mission.warnings),
-            "mean_motion_rad_s": mission.orbit.mean_motion,
+            "mean_motion_rad_s": 2.0 * pi / mission.orbit.period,
             "craft": list(scenario.names),
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
             "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),

@@ -18,6 +18,7 @@ from closeform.exchange.export_tracks.sampled_paths import FlownCraft
 from closeform.exchange.export_tracks.track import Shots
 from closeform.fuel.burns import burns_of
 from closeform.mission.mission_result import Mission
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.results.load import LoadedRun
 from closeform.scenario import Craft, Scenario
@@ -112,6 +113,11 @@ def flown_turns(own: ExecutedTurns, k: int, last: float) -> list[tuple[Floats, F
 
 def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Sequence[str] | None) -> Source:
     """Return the source of an export. Raises ValueError for a chief or names that do not fit."""
+    if isinstance(result.orbit, ChiefOrbit):
+        raise ValueError(
+            f"result: exported from Hill's equations only, not from {result.orbit._model}; read arcs.parquet "
+            "of the result folder, or Path.state"
+        )
     if isinstance(result, Path):
         return checked(of_paths(result, chief, names))
     if names is not None:

@@ -203,7 +203,8 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
         with intact(place, "cases"):
             cases = arc_tables.together([table(place, summary, name) for name in names])
         return LoadedStudy(scenario, cases, summary)
-    orbit = Orbit(summary["mean_motion_rad_s"])
+    hill = scenario.orbit.model == "hill"
+    orbit = Orbit(summary["mean_motion_rad_s"]) if hill else scenario.orbit.build()
     with intact(place, "a table"):
         stages = tuple(RunTables(place, scenario, orbit, summary).stages)
         lost = tuple(LostThrust.of(one) for one in summary.get("lost", ()))

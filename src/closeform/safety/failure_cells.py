@@ -335,7 +335,7 @@ def arcs_with_coasts(path: Path, until: float) -> tuple[Floats, Any]:
     ends = path.arcs[last, END]
     coasts = np.zeros((len(last), WIDTH))
     coasts[:, START], coasts[:, END] = ends, np.maximum(ends, until)
-    coasts[:, MEAN_MOTION] = path.orbit.mean_motion
+    coasts[:, MEAN_MOTION] = path.orbit._column
     coasts[:, STATE : STATE + 6] = end_states(path)
     arcs = np.insert(path.arcs, path.offsets[1:], coasts, axis=0)
     return arcs, path.offsets + np.arange(len(path.offsets))

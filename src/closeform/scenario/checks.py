@@ -12,6 +12,7 @@ import numpy as np
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
+from closeform.safety.failures import ThrustLost
 from closeform.scenario.craft import MOST_TURN, Craft, SearchTable, SensorTable
 from closeform.scenario.end_conflicts import final_conflicts, zone_conflicts
 from closeform.scenario.formation import Goal
@@ -68,6 +69,7 @@ def fit(scenario: Scenario, found: "Findings") -> None:
     found.add(draws(scenario, found.sound))
     found.add(in_field(scenario), r"orbit\.field")
     found.add(in_air(scenario), r"orbit\.field|craft\.(name|ballistic)")
+    found.add(beside_chief(scenario), "orbit.*")
     if not known:
         return
     try:
@@ -75,7 +77,7 @@ def fit(scenario: Scenario, found: "Findings") -> None:
     except ValueError as error:
         found.add([f"orbit: {error}; check its numbers"])
         return
-    if circular and not orbit.mean_motion > 0.0:
+    if circular and orbit.period == inf:
         found.add(["orbit: too wide; write deep_space = true instead"])
         return
     found.add(suited(scenario))
@@ -346,18 +348,53 @@ def suited(scenario: Scenario) -> Iterator[str]:
                 yield f"stage[{number}].{key}: {row}; give string_of_pearls or another relative orbit"
 
 
+def beside_chief(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each key that holds for Hill's equations only, with an alternative."""
+    if scenario.orbit.model == "hill":
+        return
+    only = f'holds for model = "hill" only, not "{scenario.orbit.model}"'
+    tables = {"sensor": scenario.sensor, "search": scenario.search, "study": scenario.study}
+    for key, given in tables.items():
+        if given is not None:
+            yield f"{key}: {only}; remove it, or the model"
+    if any(craft.start is not None and not craft.start.inertially for craft in scenario.craft):
+        yield f"craft.start: a relative orbit {only}; give position and velocity, inertial or oem"
+    if scenario.uncertain:
+        yield f"craft.covariance, craft.execution: {only}; remove them, and give a margin to the stages"
+    for number, stage in enumerate(scenario.stages, 1):
+        place = f"stage[{number}]"
+        if stage.searches or stage.verb in ("scatter", "regather"):
+            yield f"{place}.do: {stage.verb} {only}; use coast, transfer, avoid or reconfigure"
+        for key, target in stage.targets.items():
+            if isinstance(target, Goal) or target.position is None:
+                yield f"{place}.{key}: a relative orbit {only}; give position and velocity"
+        if getattr(stage, "follow", ()):
+            yield f"{place}.follow: {only}; give burns"
+        if isinstance(stage, Avoid | Joint) and stage.cost == "delta-v":
+            yield f'{place}.cost: "delta-v" with zones {only}; write cost = "energy", or use transfer'
+        if isinstance(stage, Avoid) and not stage.is_exact:
+            yield f'{place}.method: "{stage.method}" {only}; remove it'
+        if isinstance(stage, Drifting) and (stage.for_ever or stage.what_fails != ThrustLost()):
+            which = "without an end, or after another failure than lost thrust,"
+            yield f"{place}.drift: {which} {only}; give a time, and remove failure"
+        if isinstance(stage, Transfer) and any(
+            craft.limited for craft in scenario.craft_in(stage) if craft.name in stage.moving(scenario.names)
+        ):
+            yield f"{place}.do: a transfer within a thrust limit {only}; use reconfigure"
+
+
 def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Yield an error line for each duration that is too short or too long to simulate."""
     for number, stage in enumerate(scenario.stages, 1):
         for key, duration in stage.durations.items():
-            if (duration.orbits and not orbit.mean_motion) or (key == "drift" and not duration.seconds < inf):
+            if (duration.orbits and orbit.period == inf) or (key == "drift" and not duration.seconds < inf):
                 continue  # already reported
             if key == "drift" and duration.on(1.0) == 0.0:
                 continue  # zero: the drift ends with the stage
-            if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
+            if wrong := flaw(np.array([duration.on(orbit.period)]), 2.0 * pi / orbit.period):
                 yield f"stage[{number}].{key}: {wrong}; give another time"
         if isinstance(stage, Thrusting) and stage.cost == "delta-v" and "within" in stage.durations:
-            turns = stage.durations["within"].on(orbit.mean_motion) * orbit.mean_motion / (2.0 * pi)
+            turns = stage.durations["within"].on(orbit.period) / orbit.period
             if turns > MOST_TURNS:
                 yield (
                     f"stage[{number}].within: the minimum delta-v is found over at most {MOST_TURNS:g} "

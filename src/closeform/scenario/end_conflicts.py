@@ -31,13 +31,13 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
             isinstance(stage, Coast) and (stage.burns or stage.follow)
         ):
             return ()
-        lasts = (stage.length if isinstance(stage, Coast) else stage.within).on(orbit.mean_motion)
-        coasted, time = states @ orbit.transition(lasts).T, time + lasts
+        lasts = (stage.length if isinstance(stage, Coast) else stage.within).on(orbit.period)
+        coasted, time = states @ orbit.transition(lasts, time).T, time + lasts
         if isinstance(stage, Coast):
             states = coasted
             continue
         movers = [scenario.names.index(name) for name in stage.moving(scenario.names)]
-        latitude = scenario.orbit.latitude + orbit.mean_motion * time
+        latitude = scenario.orbit.latitude + 2.0 * np.pi / orbit.period * time
         after = ends(orbit, stage, coasted, movers, latitude)
         if stage.keeps_out:
             margin = stage.margin if isinstance(stage, Avoid | Joint) else None
@@ -89,7 +89,7 @@ def open_end(
     """
     if not isinstance(stage, Avoid) or stage.to is None or stage.meanwhile or stage.drift is None:
         return None
-    if not stage.to.is_open or not stage.drift.on(orbit.mean_motion) >= orbit.period:
+    if not stage.to.is_open or not stage.drift.on(orbit.period) >= orbit.period:
         return None
     return ends(orbit, stage.model_copy(update={"to": stage.to.at_phase(0.0)}), coasted, movers, latitude)
 
@@ -101,7 +101,8 @@ def adrift(
 
     Both craft are planned, or one is planned and the other does not avoid it.
     """
-    safe = isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
+    hill = scenario.orbit.model == "hill"  # otherwise passive safety is only checked afterwards
+    safe = hill and isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
     joint = isinstance(stage, Joint)
     if (
         after is None
@@ -112,7 +113,7 @@ def adrift(
         return
     from closeform.conflicts.two_paths import closest_approach  # only this check needs its kernels
 
-    drift = stage.drift.on(orbit.mean_motion)
+    drift = stage.drift.on(orbit.period)
     for zone, first, second in portions(scenario.zones):
         for i, j in zip(first.tolist(), second.tolist(), strict=True):
             if (i in planned) + (j in planned) < (2 if joint else 1):

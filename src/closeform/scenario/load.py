@@ -294,7 +294,11 @@ def located(
         return scenario
     field = None
     if chief is not None:
-        scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief))
+        try:
+            scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief, scenario.stages))
+        except ValueError as error:
+            complain(("orbit", "chief"), str(error))
+            return scenario
         if not found.sound(r"orbit\.field"):
             return scenario
         try:
@@ -303,6 +307,10 @@ def located(
             key, _, words = str(error).partition(": ")
             complain(("orbit", key), words)
             return scenario
+    if chief is not None and scenario.orbit.model != "hill":
+        from closeform.dynamics.force_model.field import Field  # only these scenarios need it
+
+        field = Field(chief, 2 if scenario.orbit.model == "j2" else 0)  # whose frame turns with the chief
     placed = list(scenario.craft)
     for number, craft in enumerate(placed):
         inertially = craft.start is not None and craft.start.inertially

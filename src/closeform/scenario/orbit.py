@@ -1,14 +1,15 @@
 """Tables of the motion: [orbit], [feedback], [navigation], [simulation] and [verdict]."""
 
-from collections.abc import Iterator
-from math import atan2, cos, pi, sin, sqrt
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Iterator, Sequence
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import SYSTEMS, Epoch
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.elements import inertial_from_elements
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS
 from closeform.motion.orbit import Orbit
@@ -44,6 +45,10 @@ if TYPE_CHECKING:
     from closeform.dynamics.control.navigation import Navigation
     from closeform.exchange.chief import Chief
 
+CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are useful
+KEPLER_STEPS = 30
+LATER, SPARE = 4.0, 12.0  # times the requested durations, and orbits, for plans that take longer
+Model = Literal["hill", "kepler", "j2"]
 DEGREES = (0, 2, 3, 4, 5, 6)
 AIR = ("density", "at_altitude", "scale_height")
 as_thrust_error = Parts(
@@ -174,9 +179,6 @@ class VerdictTable(Table):
     )
 
 
-CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are useful
-
-
 def as_epoch(value: Any) -> Epoch:
     """Return an epoch in UTC, or in the time system that follows it."""
     if not isinstance(value, str):
@@ -196,7 +198,9 @@ class Elements(Table):
         '"550 km"', "semi-major axis minus `radius`, instead of `semi_major_axis`"
     )
     semi_major_axis: Length | None = setting('"6928.137 km"', "semi-major axis")
-    eccentricity: float = setting("0.001", "eccentricity, at most 0.1", 0.0, strict=False, ge=0.0, lt=1.0)
+    eccentricity: float = setting(
+        "0.001", 'eccentricity, at most 0.1 with model = "hill"', 0.0, strict=False, ge=0.0, lt=1.0
+    )
     inclination: Angle = setting('"97.6 deg"', "inclination", ...)
     ascending_node: Angle = setting('"30 deg"', "right ascension of the ascending node", 0.0)
     argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee; with `eccentricity`", 0.0)
@@ -263,8 +267,8 @@ class ChiefTable(Table):
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("elements", "state", "oem")
 
-    def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs) -> "Chief":
-        """Return the chief; raise ValueError for an invalid one or one too far from a circle."""
+    def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs, model: Model) -> "Chief":
+        """Return the chief; raise ValueError for an invalid one, or one too far from a circle for Hill."""
         from closeform.exchange.chief import Chief  # most scenarios do not need it
 
         if self.oem is not None:
@@ -274,10 +278,10 @@ class ChiefTable(Table):
             state = self.elements.state(mu, radius) if self.elements is not None else self.state
             place = self.frame or "EME2000", epoch.system, self.center or "EARTH"
             chief = Chief(epoch.stamp, np.array(state), *place, mu)
-        if chief.eccentricity > CLOSE_TO_A_CIRCLE:
+        if model == "hill" and chief.eccentricity > CLOSE_TO_A_CIRCLE:
             raise ValueError(
                 f"eccentricity {chief.eccentricity:.3g}, and Hill's equations are useful "
-                f"up to {CLOSE_TO_A_CIRCLE:g}; give another orbit"
+                f'up to {CLOSE_TO_A_CIRCLE:g}; write model = "kepler" in [orbit]'
             )
         return chief
 
@@ -309,6 +313,12 @@ class OrbitTable(Table):
     epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = setting(
         '"2026-11-22T12:00:00Z"', "start of the mission, in UTC or another time system"
     )
+    model: Model = setting(
+        '"kepler"',
+        "equations of relative motion: those of Hill for a circle, those beside a chief on an ellipse, or "
+        "with J2 of the Earth too; `kepler` and `j2` need `chief`",
+        "hill",
+    )
     chief: ChiefTable | None = setting(
         '{ oem = "chief.oem" }', "orbit of the origin at the epoch; needs `epoch`", needs="epoch"
     )
@@ -318,11 +328,19 @@ class OrbitTable(Table):
         needs="chief",
     )
 
+    _beside: ChiefOrbit | None = PrivateAttr(None)
+
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")
+        if self.model != "hill" and self.chief is None:
+            yield f'model = "{self.model}" needs chief; add it with epoch, or remove model'
+        if self.model != "hill" and self.field is not None:
+            yield f'field predicts for model = "hill" only, not "{self.model}"; remove one of them'
 
     def build(self) -> Orbit:
-        """Return the orbit that the table describes."""
+        """Return the orbit that the table describes; about a chief that is not on a circle a `ChiefOrbit`."""
+        if self._beside is not None:
+            return cast(Orbit, self._beside)  # with the same methods
         planet = {key: value for key in ("mu", "radius") if (value := getattr(self, key)) is not None}
         if self.altitude is not None:
             semi_major_axis = self.altitude + planet.pop("radius", EARTH_RADIUS)
@@ -339,14 +357,41 @@ class OrbitTable(Table):
         """Return the chief, or None; raise ValueError for an invalid one."""
         if self.chief is None or self.epoch is None:
             return None
-        return self.chief.build(self.epoch, self.mu or EARTH_MU, self.radius or EARTH_RADIUS, inputs)
+        planet = self.mu or EARTH_MU, self.radius or EARTH_RADIUS
+        return self.chief.build(self.epoch, *planet, inputs, self.model)
 
-    def following(self, chief: "Chief") -> "OrbitTable":
-        """Return the table with the circular orbit of its chief."""
-        return self.model_copy(
+    def following(self, chief: "Chief", stages: Sequence[Any] = ()) -> "OrbitTable":
+        """Return the table with the orbit of its chief: in its `model`, for as long as `stages` may last."""
+        table = self.model_copy(
             update={
                 "semi_major_axis": chief.semi_major_axis,
                 "latitude": float(chief.elements[1]) % (2.0 * pi),
                 "mu": chief.mu,
             }
         )
+        if self.model != "hill":
+            table._beside = beside(chief, self.model, self.radius or EARTH_RADIUS, stages)
+        return table
+
+
+def beside(chief: "Chief", model: Model, radius: float, stages: Sequence[Any]) -> ChiefOrbit:
+    """Return the motion beside a chief in a `model`; raise ValueError for a chief that it does not suit."""
+    a, u, ex, ey, inclination, _ = chief.elements.tolist()
+    e, perigee = hypot(ex, ey), atan2(ey, ex)
+    anomaly = u - perigee
+    for _ in range(KEPLER_STEPS):  # Newton's method for the eccentric anomaly
+        anomaly -= (anomaly - e * sin(anomaly) - (u - perigee)) / (1.0 - e * cos(anomaly))
+    true = 2.0 * atan2(sqrt(1.0 + e) * sin(anomaly / 2.0), sqrt(1.0 - e) * cos(anomaly / 2.0))
+    shape = {"semi_major_axis": a, "true_anomaly": true, "mu": chief.mu, "radius": radius}
+    if model == "kepler":
+        return Orbit.eccentric(e, **shape)
+    if chief.center.upper() != "EARTH":
+        raise ValueError(f'model = "j2" is that of the Earth, not of {chief.center}; write model = "kepler"')
+    period = 2.0 * pi * sqrt(a**3 / chief.mu)
+    times = [{key: one.on(period) for key, one in stage.durations.items()} for stage in stages]
+    moves = sum(time for each in times for key, time in each.items() if key != "drift")
+    drift = max((each.get("drift", 0.0) for each in times), default=0.0)
+    if not drift < inf:
+        raise ValueError('model = "j2" needs a drift that ends; write for example drift = "24 h"')
+    span = LATER * moves + drift + SPARE * period
+    return Orbit.perturbed(e, inclination, argument_of_perigee=perigee, span=span, **shape)

@@ -43,11 +43,11 @@ class Corridor(Table):
         if not self.half_angle < np.pi / 2.0:
             yield "half_angle must be below 90 deg; reduce it"
 
-    def built(self, start: float, n: float) -> "ApproachCone":
-        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+    def built(self, start: float, period: float) -> "ApproachCone":
+        """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
         from closeform.planning.requirements import ApproachCone
 
-        begins = {} if self.after is None else {"start": start + self.after.on(n)}
+        begins = {} if self.after is None else {"start": start + self.after.on(period)}
         return ApproachCone(
             axis=self.axis, half_angle=self.half_angle, radius=self.radius, target=self.target, **begins
         )
@@ -64,11 +64,11 @@ class ApproachSpeed(Table):
     target: Position = setting('"0 0 0 m"', "position of the target", ORIGIN)
     after: Instant | None = setting('"10 min"', "time after the start of the stage from which it holds")
 
-    def built(self, start: float, n: float) -> "SpeedLimit":
-        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+    def built(self, start: float, period: float) -> "SpeedLimit":
+        """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
         from closeform.planning.requirements import SpeedLimit
 
-        begins = {} if self.after is None else {"start": start + self.after.on(n)}
+        begins = {} if self.after is None else {"start": start + self.after.on(period)}
         rate = 0.0 if self.time_constant is None else 1.0 / self.time_constant
         return SpeedLimit(limit=self.limit, rate=rate, axis=self.axis or ORIGIN, target=self.target, **begins)
 
@@ -80,12 +80,12 @@ class Waypoint(Table):
     position: Position = setting('"10 -100 0 m"', "position", ...)
     tolerance: Length = setting('"5 m"', "maximum distance from it", ...)
 
-    def built(self, start: float, n: float) -> "KeepIn":
-        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+    def built(self, start: float, period: float) -> "KeepIn":
+        """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
         from closeform.planning.requirements import KeepIn
         from closeform.zones.solids import Sphere
 
-        time = start + self.at.on(n)
+        time = start + self.at.on(period)
         return KeepIn(zone=Sphere(self.tolerance), centre=self.position, start=time, end=time)
 
 
@@ -95,21 +95,21 @@ class QuietTime(Table):
     after: Instant = setting('"10 min"', "start of the time, after the start of the stage", ...)
     until: Span = setting('"25 min"', "end of the time, after the start of the stage", ...)
 
-    def built(self, start: float, n: float) -> "NoThrust":
-        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+    def built(self, start: float, period: float) -> "NoThrust":
+        """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
         from closeform.planning.requirements import NoThrust
 
-        begin, end = start + self.after.on(n), start + self.until.on(n)
+        begin, end = start + self.after.on(period), start + self.until.on(period)
         if not begin < end:
             raise ValueError(f"no_thrust: until must be later than after, got {begin - start:g} s")
         return NoThrust(start=begin, end=end)
 
 
-def built_all(stage: Any, start: float, n: float) -> dict[str, Any]:
+def built_all(stage: Any, start: float, period: float) -> dict[str, Any]:
     """Return the requirements of a stage by their name in reports."""
     single = {"approach corridor": stage.corridor, "speed limit": stage.speed_limit}
-    found = {name: one.built(start, n) for name, one in single.items() if one is not None}
+    found = {name: one.built(start, period) for name, one in single.items() if one is not None}
     for name, several in (("waypoint", stage.waypoints), ("time without thrust", stage.no_thrust)):
         for k, one in enumerate(several, 1):
-            found[f"{name} {k}" if len(several) > 1 else name] = one.built(start, n)
+            found[f"{name} {k}" if len(several) > 1 else name] = one.built(start, period)
     return found

@@ -99,9 +99,9 @@ class Duration:
     seconds: float = 0.0
     orbits: float = 0.0
 
-    def on(self, mean_motion: float) -> float:
-        """Return the time [s] on an orbit of `mean_motion` [rad/s], positive if orbits are counted."""
-        return self.seconds + (self.orbits * 2 * math.pi / mean_motion if self.orbits else 0.0)
+    def on(self, period: float) -> float:
+        """Return the time [s] on an orbit of a `period` [s], finite if orbits are counted."""
+        return self.seconds + (self.orbits * period if self.orbits else 0.0)
 
     def __str__(self) -> str:
         return f"{self.orbits:g} orbit{'s' * (self.orbits != 1.0)}" if self.orbits else span(self.seconds)

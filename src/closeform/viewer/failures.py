@@ -107,10 +107,10 @@ def lost_state(result: StageResult[Any, Any], pair: "PairDrift") -> Floats:
     if not kick.any() or not isfinite(pair.time):
         return state
     given = np.concatenate([np.zeros((len(SHARES), 3)), (SHARES - 1.0)[:, None] * kick], axis=1)
-    later = path.orbit.transition(pair.time - pair.failed_at)
+    later = path.orbit.transition(pair.time - pair.failed_at, pair.failed_at)
     met = result.after.path(pair.meets)
     other = met.state(min(pair.time, met.end))
     if pair.time > met.end:
-        other = path.orbit.transition(pair.time - met.end) @ other
+        other = path.orbit.transition(pair.time - met.end, met.end) @ other
     gaps = ((state + given) @ later.T - other)[:, :3]
     return np.asarray(state + given[np.argmin(np.abs(pair.zone.norm(gaps) - pair.ratio))])

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, finite, number, size
+from closeform.arrays import Floats, broadcast, finite, number, size
 from closeform.motion.elements.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
@@ -123,13 +123,16 @@ class CircularOrbit:
         """Duration of one revolution [s]; inf in deep space."""
         return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
 
-    def transition(self, duration: ArrayLike) -> Floats:
+    def transition(self, duration: ArrayLike, start: ArrayLike = 0.0) -> Floats:
         """Return state transition matrices of natural motion.
 
         Parameters
         ----------
         duration : array_like of shape (...) [s]
             May be negative.
+        start : array_like of shape (...) [s], default 0
+            Start time, on which the matrices depend only about a chief that is not on a circle; both
+            broadcast.
 
         Returns
         -------
@@ -139,10 +142,12 @@ class CircularOrbit:
         Raises
         ------
         ValueError
-            If a number is not finite.
+            If a number is not finite, or shapes do not broadcast.
 
         References
         ----------
         docs/theory.md section 1.
         """
-        return transition_matrices(self.mean_motion, finite("duration", duration))
+        lengths = finite("duration", duration)
+        shape = broadcast(duration=lengths.shape, start=finite("start", start).shape)
+        return transition_matrices(self.mean_motion, np.broadcast_to(lengths, shape))

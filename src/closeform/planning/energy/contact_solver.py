@@ -68,7 +68,7 @@ class Workspace(NamedTuple):
     @classmethod
     def of(cls, scene: Scene, count: int) -> "Workspace":
         """Return an empty workspace for `count` contacts."""
-        bodies, samples, craft = len(scene.states), len(scene.times), len(scene.base)
+        bodies, samples, (rows, width) = len(scene.states), len(scene.times), scene.room
         return cls(
             np.empty((bodies, samples, 6)),
             np.empty((bodies, 3, samples)),
@@ -83,8 +83,8 @@ class Workspace(NamedTuple):
             np.empty((count, count)),
             np.empty(count),
             np.empty((count, 3)),
-            np.empty((3 * craft + 2 * count, scene.base.shape[1])),
-            np.empty(craft + 1, dtype=np.int64),
+            np.empty((rows + 2 * count, width)),
+            np.empty(len(scene.base) + 1, dtype=np.int64),
         )
 
 

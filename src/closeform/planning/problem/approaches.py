@@ -14,6 +14,7 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, pushes, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.hill import inverse_transforms, step_on
+from closeform.planning.problem.pieces import sample_pieces
 from closeform.planning.problem.relative_motion import relative_motion
 from closeform.planning.problem.rounded_norm import norm_rate, rounded_norm
 from closeform.planning.problem.scene import BLOCKS, INDICES, NUMBERS, ROWS
@@ -52,11 +53,20 @@ def sample_body(arcs, first, last, times, states):
             states[k, i] = state[i]
 
 
-@kernel(void(ROWS, INDICES, NUMBERS, BLOCKS))
-def sample_bodies(arcs, offsets, times, states):
-    """Fill the states (B, T, 6) of all bodies at `times`."""
+@kernel()
+def sample_path(clock, rows, first, last, times, bases, states):
+    """Fill the states (T, 6) of one body at `times`, from arcs, or from pieces on the clock of a chief."""
+    if len(clock) == 0:
+        sample_body(rows, first, last, times, states)
+    else:
+        sample_pieces(clock, rows, first, last, times, bases, states)
+
+
+@kernel(void(NUMBERS, ROWS, INDICES, NUMBERS, ROWS, BLOCKS))
+def sample_bodies(clock, rows, offsets, times, bases, states):
+    """Fill the states (B, T, 6) of all bodies at `times`, and of any chief the `bases` (T, 25) there."""
     for body in range(len(offsets) - 1):
-        sample_body(arcs, offsets[body], offsets[body + 1], times, states[body])
+        sample_path(clock, rows, offsets[body], offsets[body + 1], times, bases, states[body])
 
 
 @kernel()
@@ -205,7 +215,8 @@ def sample_craft(scene, arcs, offsets, contacts, count, states, places, speeds):
                 pushed[scene.pairs[contacts.which[k], side]] = True
     for craft in range(len(scene.base)):
         if pushed[craft]:
-            sample_body(arcs, offsets[craft], offsets[craft + 1], scene.times, states[craft])
+            first, last = offsets[craft], offsets[craft + 1]
+            sample_path(scene.clock, arcs, first, last, scene.times, scene.bases, states[craft])
             speeds[craft] = spread(states[craft], places[craft])
         else:
             for k in range(len(scene.times)):

@@ -29,9 +29,10 @@ from numba import int64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, WIDTH, primer_at, state_at
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, primer_at, state_at
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
+from closeform.planning.problem.pieces import add_force, deflect_pieces, fill_responses
 from closeform.planning.problem.relative_motion import motion_after
 from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
@@ -90,6 +91,32 @@ def felt_at(scene, contacts, k, craft):
 
 
 @kernel()
+def fill_hill_responses(scene, body, t, drift, ahead, left, out):
+    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, a `drift` after it; in metres."""
+    n = scene.base[body, MEAN_MOTION]
+    response(n, t - scene.base[body, START], ahead)
+    response(n, scene.base[body, END] - t, left)
+    if drift > 0.0:
+        carry(n, drift, ahead, left)
+    inverse = scene.inverses[body]
+    for j in range(6):
+        for i in range(3):
+            out[PLACE, i, j] = ahead[i, j]
+            out[SPEED, i, j] = ahead[3 + i, j]
+            total, slope = 0.0, 0.0
+            for h in range(6):  # F_w, and its rate in the time that is left
+                rate = left[h, i]
+                if i == 0:
+                    rate -= 2.0 * n * left[h, 4]
+                elif i == 1:
+                    rate += 2.0 * n * left[h, 3]
+                total -= inverse[j, h] * left[h, 3 + i]
+                slope += inverse[j, h] * rate
+            out[BACK, i, j] = total
+            out[BACK + 1, i, j] = slope
+
+
+@kernel()
 def fill_factors(scene, contacts, count, factors):
     """Fill the factors (count, 2, 4, 3, 6) of contacts; zero for bodies that are not controllable."""
     ahead, left = stack_matrix(6, 6), stack_matrix(6, 6)
@@ -103,27 +130,10 @@ def fill_factors(scene, contacts, count, factors):
             if not is_controllable(scene, body, t):
                 factors[k, side] = 0.0
                 continue
-            n = scene.base[body, MEAN_MOTION]
-            response(n, t - scene.base[body, START], ahead)
-            response(n, scene.base[body, END] - t, left)
-            if drift > 0.0:
-                carry(n, drift, ahead, left)
-            inverse = scene.inverses[body]
-            for j in range(6):
-                for i in range(3):
-                    both[PLACE, i, j] = ahead[i, j]
-                    both[SPEED, i, j] = ahead[3 + i, j]
-                    total, slope = 0.0, 0.0
-                    for h in range(6):  # F_w, and its rate in the time that is left
-                        rate = left[h, i]
-                        if i == 0:
-                            rate -= 2.0 * n * left[h, 4]
-                        elif i == 1:
-                            rate += 2.0 * n * left[h, 3]
-                        total -= inverse[j, h] * left[h, 3 + i]
-                        slope += inverse[j, h] * rate
-                    both[BACK, i, j] = total
-                    both[BACK + 1, i, j] = slope
+            if len(scene.clock) > 0:
+                fill_responses(scene, body, t, both)
+            else:
+                fill_hill_responses(scene, body, t, drift, ahead, left, both)
             for part in range(4):
                 for i in range(3):
                     for j in range(6):
@@ -193,8 +203,17 @@ def coast_arc(n, start, end, state, row):
 
 
 @kernel()
-def deflect(scene, contacts, count, factors, arcs, offsets):
-    """Fill `arcs` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers.
+def deflect(scene, contacts, count, factors, rows, offsets):
+    """Fill `rows` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers."""
+    if len(scene.clock) == 0:
+        deflect_arcs(scene, contacts, count, factors, rows, offsets)
+    else:
+        deflect_pieces(scene, contacts, count, factors, rows, offsets)
+
+
+@kernel()
+def deflect_arcs(scene, contacts, count, factors, arcs, offsets):
+    """Fill `arcs` and `offsets` (N + 1,) with all craft's paths by Hill's equations.
 
     A craft has one arc more than contacts that act on it, and the coasts before and after its own time.
     """
@@ -259,9 +278,9 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
 
 
 def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
-    """Return empty arrays for the craft's arcs under contacts."""
-    craft = len(scene.base)
-    return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
+    """Return empty arrays for the rows of the craft's paths under contacts."""
+    count, width = scene.room
+    return np.zeros((count + 2 * contacts.number, width)), np.zeros(len(scene.base) + 1, dtype=np.int64)
 
 
 @kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
@@ -271,6 +290,21 @@ def fly(scene, contacts, arcs, offsets):
     fill_factors(scene, contacts, len(contacts.times), factors)
     deflect(scene, contacts, len(contacts.times), factors, arcs, offsets)
     return offsets[len(scene.base)]
+
+
+@kernel(void(SCENE, CONTACTS, ROWS))
+def fill_changes(scene, contacts, out):
+    """Fill the changes (N, 6) of all craft's initial thrust and thrust rate under contacts without drift."""
+    count = len(contacts.times)
+    factors = np.empty((count, 2, 4, 3, 6))
+    fill_factors(scene, contacts, count, factors)
+    out[:] = 0.0
+    for k in range(count):
+        for side in range(2):
+            craft = scene.pairs[contacts.which[k], side]
+            if is_controllable(scene, craft, contacts.times[k]):
+                force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+                add_force(force, contacts.normals[k], factors[k, side, BACK], out[craft])
 
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, ROWS))

@@ -3,22 +3,25 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import pi, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.all_pairs import search_pairs
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
-from closeform.motion.effort import ENERGY, totals
+from closeform.conflicts.pair_rows import conflicts_of, tracks_of_all
+from closeform.motion.arc import END, IMPULSE, PUSH, START, WIDTH
+from closeform.motion.chief_orbit import ChiefOrbit
+from closeform.motion.effort import ENERGY
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of, path_of
 from closeform.planning.plan import Contact
 from closeform.planning.problem.approaches import sample_bodies
+from closeform.planning.problem.chief_paths import ChiefPaths
 from closeform.planning.problem.contacts import turn_normals
 from closeform.planning.problem.deflection import fly, invert_responses, look_at, room_for
+from closeform.planning.problem.pieces import BASE, PATHS, PLACES
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, scaled_norm
@@ -161,8 +164,30 @@ class Problem:
         return inner * (1.0, -1.0), present * (1.0, -1.0)
 
     @cached_property
+    def beside(self) -> ChiefPaths | None:
+        """The craft's paths beside any chief as polynomials; None for Hill's equations and deep space."""
+        if not isinstance(self.orbit, ChiefOrbit):
+            return None
+        return ChiefPaths(self.orbit, self.base, self.first, self.last)
+
+    def rows(self, flown: Flown) -> Flown:
+        """Return paths as the rows that kernels read: arcs, or pieces beside any chief."""
+        return flown if self.beside is None else self.beside.pieces(*flown)
+
+    def _own_rows(self, flown: Flown) -> Flown:
+        """Return `rows` of the craft alone, those of the unconstrained paths without work."""
+        arcs, offsets = flown[0], flown[1][: self.count + 1]
+        if self.beside is None:
+            return arcs, offsets
+        if flown is self.direct:
+            return self.seen.direct, self.seen.direct_offsets
+        return self.beside.pieces(arcs[: offsets[-1]], offsets)
+
+    @cached_property
     def direct(self) -> Flown:
         """The unconstrained optima, with the coasts before and after them, and the obstacles."""
+        if self.beside is not None:
+            return self.with_obstacles(*self.beside.direct)
         return self.fly(self.bare, Contacts.none())
 
     @property
@@ -183,17 +208,17 @@ class Problem:
     @cached_property
     def bare(self) -> Scene:
         """Kernel arguments of this problem, without the unconstrained paths."""
-        inverses = np.empty((self.count, 6, 6))
-        invert_responses(self.base, inverses)
+        inverses, beside = np.empty((self.count, 6, 6)), self.beside
+        if beside is None:
+            invert_responses(self.base, inverses)
         faces = [zone.faces for zone in self.zones]
         windows, presence = self.windows
-        return Scene(
+        scene = Scene(
             np.ascontiguousarray(self.base),
             inverses,
             np.empty((0, WIDTH)),
             np.zeros(1, dtype=np.int64),
-            np.ascontiguousarray(self.others),
-            self.other_offsets,
+            *self.rows((np.ascontiguousarray(self.others), self.other_offsets)),
             self.pairs,
             self.kinds,
             windows,
@@ -208,27 +233,38 @@ class Problem:
             np.empty(0),
             np.empty((0, 0, 6)),
             np.array([self.first, self.last]),
+            np.empty(0),
+            np.empty((0, PLACES)),
+            np.empty((0, PATHS, 0)),
+            np.zeros(1, dtype=np.int64),
+            np.empty((0, BASE)),
+        )
+        if beside is None:
+            return scene
+        return scene._replace(
+            clock=beside.clock, spans=beside.spans, units=beside.units, unit_offsets=beside.offsets
         )
 
     @cached_property
     def seen(self) -> Scene:
         """Kernel arguments of this problem with the zones at their own size."""
-        arcs, offsets = self.direct
+        rows, offsets = self.rows(self.direct)
         own = np.ascontiguousarray(offsets[: self.count + 1])
-        direct = np.ascontiguousarray(arcs[: own[-1]])
+        direct = np.ascontiguousarray(rows[: own[-1]])
         return self.sampled(self.bare._replace(direct=direct, direct_offsets=own), self.samples())
 
     def sampled(self, scene: Scene, times: Floats) -> Scene:
         """Return a scene with the states of all bodies at `times`."""
-        arcs, offsets = self.direct
+        rows, offsets = self.rows(self.direct)
         states = np.empty((len(offsets) - 1, len(times), 6))
-        sample_bodies(arcs, offsets, times, states)
-        return scene._replace(times=times, states=states)
+        bases = np.full((len(times) if self.beside is not None else 0, BASE), np.nan)
+        sample_bodies(scene.clock, rows, offsets, times, bases, states)
+        return scene._replace(times=times, states=states, bases=bases)
 
     def samples(self) -> Floats:
         """Return sample times that cover every craft's own time and every revolution of the orbit."""
         spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
-        a_turn = (A_TURN if self.drift is None else A_DRIFT) * self.orbit.mean_motion / (2.0 * pi)
+        a_turn = (A_TURN if self.drift is None else A_DRIFT) / self.orbit.period
         grids = [
             np.linspace(start, end, int(max(SAMPLES / sqrt(len(spans)), a_turn * (end - start))) + 1)
             for start, end in spans
@@ -241,12 +277,16 @@ class Problem:
 
     def fly(self, scene: Scene, contacts: Contacts) -> Flown:
         """Return the paths of all bodies in a scene."""
+        if self.beside is not None:
+            return self.with_obstacles(*self.beside.fly(scene, contacts))
         arcs, offsets = room_for(scene, contacts)
         number = fly(scene, contacts, arcs, offsets)
         return self.with_obstacles(arcs[:number], offsets)
 
     def planned(self, contacts: Contacts) -> Flown:
         """Return the paths under the contacts' multipliers, only up to the last arrival."""
+        if self.drift is None:
+            return self.flown(contacts)
         return self.fly(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
 
     def motions(self, flown: Flown, contacts: Contacts) -> Floats:
@@ -266,16 +306,14 @@ class Problem:
         return self._look(self.direct, contacts, gram), gram
 
     def _look(self, flown: Flown, contacts: Contacts, gram: Floats) -> Floats:
-        arcs, offsets = flown
         motions = np.zeros((contacts.number, 3, 3))
-        look_at(self.bare, arcs, offsets[: self.count + 1], contacts, motions, gram)
+        look_at(self.bare, *self._own_rows(flown), contacts, motions, gram)
         return motions
 
     def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
         """Return the normals (K, 3) at the pairs' positions; unchanged where the norm is at most `least`."""
-        arcs, offsets = flown
         normals = contacts.normals.copy()
-        turn_normals(self.bare, arcs, offsets[: self.count + 1], contacts, least, normals)
+        turn_normals(self.bare, *self._own_rows(flown), contacts, least, normals)
         return normals
 
     @property
@@ -302,11 +340,7 @@ class Problem:
 
     def energy(self, flown: Flown) -> float:
         """Return the control energy [m^2/s^3] of all craft together."""
-        arcs, offsets = flown
-        own = offsets[: self.count + 1]
-        each = np.empty(self.count)
-        totals(np.ascontiguousarray(arcs[: own[-1]]), own, self.orbit.mean_motion, ENERGY, each)
-        return float(each.sum())
+        return float(self.path(flown)._total(ENERGY).sum())
 
     def path(self, flown: Flown) -> Path:
         """Return the craft's paths, of shape (N,)."""
@@ -368,10 +402,12 @@ class Problem:
 
         The result is certified, see `find_conflicts`.
         """
-        found = []
+        found, bodies = [], self.bodies(flown)
         for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
             one = zone if factor == 1.0 else Zone(zone.shape, zone.matrix / factor, zone.faces)
-            table = search_pairs(*flown, *flown, one, *pairs)
+            tracks = tracks_of_all(bodies, (one,), pairs.shape[1])[one]
+            first, second = pairs
+            table = conflicts_of(bodies, bodies, one, first, second, tracks)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found
 
@@ -384,8 +420,8 @@ def deepest(conflicts: Iterable[PairRow]) -> PairRow:
 def is_optimum(path: Path) -> bool:
     """Return whether one craft's path is the unconstrained optimum: one arc of natural motion and thrust."""
     arc = path.arcs[0]
-    other = arc[IMPULSE : IMPULSE + 3].any() or arc[PUSH:].any()
-    return len(path.arcs) == 1 and arc[MEAN_MOTION] == path.orbit.mean_motion and not other
+    other = arc[IMPULSE : IMPULSE + 3].any() or arc[PUSH:].any() or path.orbit._interpolates(path.arcs).any()
+    return len(path.arcs) == 1 and not other
 
 
 def transfer_of(path: Path, factor: float = 1.0) -> Path:

@@ -4,18 +4,23 @@ from closeform._jit import kernel
 from closeform.motion.arc import MEAN_MOTION, acceleration, derivatives_at, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.hill import coast
+from closeform.planning.problem.pieces import fill_gap
+
+
+@kernel()
+def row_of(scene, rows, offsets, body, t):
+    """Return the row of a body's path just after time t."""
+    if body < len(scene.base):
+        return rows[locate(rows, offsets[body], offsets[body + 1], t)]
+    body -= len(scene.base)
+    first, last = scene.other_offsets[body], scene.other_offsets[body + 1]
+    return scene.others[locate(scene.others, first, last, t)]
 
 
 @kernel()
 def add_body(scene, arcs, offsets, body, t, order, out, sign):
     """Add `sign` times the derivatives of a body's position at time t to `out`."""
-    if body < len(scene.base):
-        first, last = offsets[body], offsets[body + 1]
-        derivatives_at(arcs[locate(arcs, first, last, t)], t, order, out, sign)
-    else:
-        body -= len(scene.base)
-        first, last = scene.other_offsets[body], scene.other_offsets[body + 1]
-        derivatives_at(scene.others[locate(scene.others, first, last, t)], t, order, out, sign)
+    derivatives_at(row_of(scene, arcs, offsets, body, t), t, order, out, sign)
 
 
 @kernel()
@@ -31,9 +36,14 @@ def in_zone(scene, which, out):
 @kernel()
 def relative_motion(scene, arcs, offsets, which, t, out):
     """Fill relative position, velocity and acceleration (rows) of a pair at time t, in zone coordinates."""
-    out[:] = 0.0
-    add_body(scene, arcs, offsets, scene.pairs[which, 0], t, 3, out, 1.0)
-    add_body(scene, arcs, offsets, scene.pairs[which, 1], t, 3, out, -1.0)
+    one = row_of(scene, arcs, offsets, scene.pairs[which, 0], t)
+    other = row_of(scene, arcs, offsets, scene.pairs[which, 1], t)
+    if len(scene.clock) == 0:
+        out[:] = 0.0
+        derivatives_at(one, t, 3, out, 1.0)
+        derivatives_at(other, t, 3, out, -1.0)
+    else:
+        fill_gap(scene.clock, one, other, t, out)
     in_zone(scene, which, out)
 
 
@@ -49,7 +59,10 @@ def add_coasting(n, drift, state, out, sign):
 
 @kernel()
 def motion_after(scene, arcs, offsets, which, t, drifts, out):
-    """Fill `relative_motion` for craft that have been without thrust for `drifts` (2,)."""
+    """Fill `relative_motion` for craft without thrust for `drifts` (2,); a drift follows Hill's equations."""
+    if drifts[0] == 0.0 and drifts[1] == 0.0:
+        relative_motion(scene, arcs, offsets, which, t, out)
+        return
     out[:] = 0.0
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0

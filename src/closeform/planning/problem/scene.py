@@ -12,15 +12,17 @@ from closeform.kernel_loans import Lent
 class Scene(NamedTuple):
     """A problem at one aim: N craft on unconstrained optima, M obstacles, P pairs with Z kinds of zones.
 
+    Rows of paths are arcs of Hill's equations, W = 30, or pieces beside any chief, W = 40 (see `pieces`).
+    Then `clock` is that of the chief, and each craft's paths are combinations of its polynomials `units`.
     The bodies are numbered from the first craft to the last obstacle.  A zone with a `power` below inf is
     rounded: its norm is the p-norm of its parts.  Paths are to keep the norm at `aims` or above.
     """
 
     base: Floats  # (N, 30): each craft's unconstrained optimum, over its own time
     inverses: Floats  # (N, 6, 6): initial thrust and thrust rate that reach a state at its end
-    direct: Floats  # (A, 30): the same paths with the coasts before and after them
+    direct: Floats  # (A, W): the same paths with the coasts before and after them
     direct_offsets: Any  # (N + 1,)
-    others: Floats  # (B, 30): the obstacles
+    others: Floats  # (B, W): the obstacles
     other_offsets: Any  # (M + 1,)
     pairs: Any  # (P, 2), i < j, at least one craft in each
     kinds: Any  # (P,): which of the zones
@@ -36,6 +38,16 @@ class Scene(NamedTuple):
     times: Floats  # (T,): samples
     states: Floats  # (N + M, T, 6): of all bodies at the samples, unconstrained; inf where absent
     span: Floats  # (2,): first and last time
+    clock: Floats  # (3,): of the chief; (0,) for Hill's equations, whose closed forms need no polynomials
+    spans: Floats  # (U, 4): start, end, angle and length of the window of every craft's polynomials
+    units: Floats  # (U, 13, 36): their coefficients, of the base path, A and B^T
+    unit_offsets: Any  # (N + 1,)
+    bases: Floats  # (T, 25): weights of the coefficients at the samples
+
+    @property
+    def room(self) -> tuple[int, int]:
+        """Rows of all craft's paths without contacts, at most, and their width W."""
+        return 3 * len(self.base) + len(self.spans), self.others.shape[1]
 
 
 class Contacts(NamedTuple):
@@ -96,6 +108,7 @@ SCENE = Lent(
         (
             *(ROWS, BLOCKS, ROWS, INDICES, ROWS, INDICES, PAIRS, INDICES, ROWS, ROWS),
             *(INDICES, BLOCKS, ROWS, INDICES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, BLOCKS, NUMBERS),
+            *(NUMBERS, ROWS, BLOCKS, INDICES, ROWS),
         ),
         Scene,
     )

@@ -1,0 +1,232 @@
+"""Pieces: paths beside any chief as rows of polynomials, which a problem's kernels read instead of arcs.
+
+A row holds start and end, the angle and the length of the window in which it lies (see `motion.chief.clock`),
+and 36 Bernstein coefficients of its position.  Velocity and acceleration are derivatives of the polynomial.
+
+A path of minimum energy with fixed ends, which forces f push at times s, is at every instant
+
+    q(t) = base(t) + sum A(t) B(s) f over later s + sum B(t)^T A(s)^T f over earlier s   # theory (12, 97a)
+
+A and B^T have six columns each: A holds the optimal paths that begin at rest at the origin, B^T those that
+end there.  Beside a chief all of them are polynomials in each window.  A path pushed by any forces is one
+linear combination of thirteen polynomials, and A, B and their rates are values of twelve of them.
+"""
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform._jit import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, START
+from closeform.motion.certified_march import locate
+from closeform.motion.chief.bernstein import BINOMIAL, CHOOSE, DEGREE, TERMS
+from closeform.motion.chief.clock import ECCENTRICITY, RATE, angle_at
+from closeform.motion.chief.segments import LAST, TABLE, WINDOW, blocks_at, share, solve_all
+from closeform.motion.chief.segments import ORIGIN as WINDOW_ORIGIN
+
+ORIGIN, LENGTH, PLACES = 2, 3, 4  # columns of a piece after its start and end
+PIECE = PLACES + 3 * TERMS
+BASE = 1 + 2 * TERMS  # numbers of a base: see `sample_pieces`
+AHEAD, BACK, PATHS = 1, 7, 13  # of a craft's polynomials: its base path, six of A, six of B^T
+
+
+@kernel()
+def weigh(clock, row, t, out):
+    """Fill `out` (3, TERMS): weights of a row's coefficients in position, velocity and acceleration at t."""
+    s = angle_at(clock, t)
+    length = row[LENGTH]
+    u = min(max((s - row[ORIGIN]) / length, 0.0), 1.0)
+    v = 1.0 - u
+    ups, downs = stack_vector(12), stack_vector(12)
+    ups[0] = downs[0] = 1.0
+    for i in range(1, TERMS):
+        ups[i], downs[i] = ups[i - 1] * u, downs[i - 1] * v
+    e = clock[ECCENTRICITY]
+    pace = 1.0 - e * np.cos(s) if e != 0.0 else 1.0
+    rate = clock[RATE] / pace  # ds/dt
+    slope = DEGREE * rate / length
+    bend = DEGREE * (DEGREE - 1) * (rate / length) ** 2
+    turn = -e * np.sin(s) * rate / pace * slope if e != 0.0 else 0.0  # through d2s/dt2
+    for i in range(TERMS):
+        out[0, i] = CHOOSE[i] * ups[i] * downs[DEGREE - i]
+    for i in range(TERMS):
+        lower = BINOMIAL[DEGREE - 1, i - 1] * ups[i - 1] * downs[DEGREE - i] if i > 0 else 0.0
+        upper = BINOMIAL[DEGREE - 1, i] * ups[i] * downs[DEGREE - 1 - i] if i < DEGREE else 0.0
+        first = lower - upper
+        second = 0.0
+        if i >= 2:
+            second += BINOMIAL[DEGREE - 2, i - 2] * ups[i - 2] * downs[DEGREE - i]
+        if 1 <= i <= DEGREE - 1:
+            second -= 2.0 * BINOMIAL[DEGREE - 2, i - 1] * ups[i - 1] * downs[DEGREE - 1 - i]
+        if i <= DEGREE - 2:
+            second += BINOMIAL[DEGREE - 2, i] * ups[i] * downs[DEGREE - 2 - i]
+        out[1, i] = slope * first
+        out[2, i] = bend * second + turn * first
+
+
+@kernel()
+def fill_gap(clock, one, other, t, out):
+    """Fill the rows of `out` with position, velocity and acceleration of a piece relative to another."""
+    w, apart = stack_matrix(3, 12), stack_vector(36)
+    weigh(clock, one, t, w)
+    same = one[ORIGIN] == other[ORIGIN]  # in one window, where both have the same weights
+    for b in range(3 * TERMS):
+        apart[b] = one[PLACES + b] - other[PLACES + b] if same else one[PLACES + b]
+    for k in range(3):
+        for axis in range(3):
+            total = 0.0
+            for b in range(TERMS):
+                total += w[k, b] * apart[TERMS * axis + b]
+            out[k, axis] = total
+    if same:
+        return
+    weigh(clock, other, t, w)
+    for k in range(3):
+        for axis in range(3):
+            for b in range(TERMS):
+                out[k, axis] -= w[k, b] * other[PLACES + TERMS * axis + b]
+
+
+@kernel()
+def sample_pieces(clock, rows, first, last, times, bases, states):
+    """Fill the states (T, 6) of one body at `times`; the first number is inf where it is absent.
+
+    `bases` (T, 25) holds the angle of a window at each time and the weights there, or nan before they are
+    known: all bodies have the same in the same window.
+    """
+    w, at = stack_matrix(3, 12), first
+    for k in range(len(times)):
+        t = times[k]
+        if not rows[first, START] <= t <= rows[last - 1, END]:
+            states[k, 0] = np.inf
+            continue
+        while at + 1 < last and rows[at + 1, START] <= t:
+            at += 1
+        base = bases[k]
+        if base[0] != rows[at, ORIGIN]:
+            weigh(clock, rows[at], t, w)
+            base[0] = rows[at, ORIGIN]
+            for b in range(TERMS):
+                base[1 + b], base[1 + TERMS + b] = w[0, b], w[1, b]
+        for part in range(2):
+            for axis in range(3):
+                total = 0.0
+                for b in range(TERMS):
+                    total += base[1 + TERMS * part + b] * rows[at, PLACES + TERMS * axis + b]
+                states[k, 3 * part + axis] = total
+
+
+@kernel()
+def fill_responses(scene, body, t, out):
+    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, in metres."""
+    at = locate(scene.spans, scene.unit_offsets[body], scene.unit_offsets[body + 1], t)
+    w = stack_matrix(3, 12)
+    weigh(scene.clock, scene.spans[at], t, w)
+    for side in range(2):
+        for j in range(6):
+            c = scene.units[at, (AHEAD if side == 0 else BACK) + j]
+            for axis in range(3):
+                place, speed = 0.0, 0.0
+                for b in range(TERMS):
+                    place += w[0, b] * c[TERMS * axis + b]
+                    speed += w[1, b] * c[TERMS * axis + b]
+                out[2 * side, axis, j], out[2 * side + 1, axis, j] = place, speed
+
+
+@kernel()
+def fill_piece(scene, at, start, end, ahead, back, row):
+    """Fill a row with a craft's path in its piece `at` from `start` to `end`."""
+    row[START], row[END] = start, end
+    row[ORIGIN], row[LENGTH] = scene.spans[at, ORIGIN], scene.spans[at, LENGTH]
+    for b in range(3 * TERMS):
+        row[PLACES + b] = scene.units[at, 0, b]
+    for j in range(6):
+        if ahead[j] != 0.0 or back[j] != 0.0:
+            for b in range(3 * TERMS):
+                row[PLACES + b] += ahead[j] * scene.units[at, AHEAD + j, b]
+                row[PLACES + b] += back[j] * scene.units[at, BACK + j, b]
+
+
+@kernel()
+def add_force(force, normal, factor, out):
+    """Add a force along a contact's normal, through A or B^T (3, 6) in its zone's coordinates, to `out`."""
+    for i in range(3):
+        for j in range(6):
+            out[j] += force * normal[i] * factor[i, j]
+
+
+@kernel()
+def deflect_pieces(scene, contacts, count, factors, rows, offsets):
+    """Fill `rows` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers."""
+    row = 0
+    own, sides = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    ahead, back = stack_vector(6), stack_vector(6)
+    for c in range(len(scene.base)):
+        offsets[c] = row
+        ahead[:] = 0.0
+        back[:] = 0.0
+        pushed = 0
+        for k in range(count):
+            t = contacts.times[k]
+            if contacts.multipliers[k] == 0.0 or not scene.base[c, START] < t < scene.base[c, END]:
+                continue
+            for side in range(2):
+                if scene.pairs[contacts.which[k], side] == c:
+                    force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+                    add_force(force, contacts.normals[k], factors[k, side, 2], ahead)
+                    place = pushed  # in order of time
+                    while place > 0 and contacts.times[own[place - 1]] > t:
+                        own[place], sides[place] = own[place - 1], sides[place - 1]
+                        place -= 1
+                    own[place], sides[place] = k, side
+                    pushed += 1
+        following = 0
+        for at in range(scene.unit_offsets[c], scene.unit_offsets[c + 1]):
+            start, end = scene.spans[at, START], scene.spans[at, END]
+            while following < pushed and contacts.times[own[following]] < end:
+                k, side = own[following], sides[following]
+                t = contacts.times[k]
+                if t > start:
+                    fill_piece(scene, at, start, t, ahead, back, rows[row])
+                    row += 1
+                    start = t
+                force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+                add_force(force, contacts.normals[k], factors[k, side, 0], back)
+                add_force(-force, contacts.normals[k], factors[k, side, 2], ahead)
+                following += 1
+                if following == pushed:
+                    ahead[:] = 0.0  # without what rounding leaves
+            fill_piece(scene, at, start, end, ahead, back, rows[row])
+            row += 1
+    offsets[len(scene.base)] = row
+
+
+@kernel(void(TABLE, float64[:, ::1], int64, int64, float64[:, ::1], float64[:, :, ::1]))
+def columns_back(table, segments, first, last, costates, out):
+    """Fill `out` (last - first, 12, 6): columns at the window beginnings of consecutive segments.
+
+    They belong to six optimal paths that reach the origin at rest, with `costates` (6, 6) as columns, at the
+    end of the last segment.
+    """
+    _, joints, _, rows, _ = table
+    flow, response, basis, work = np.empty((6, 6)), np.empty((6, 9)), np.empty(TERMS), np.empty((7, 6))
+    states, ends = np.zeros((6, 6)), costates.copy()
+    for q in range(last - 1, first - 1, -1):
+        k = int(segments[q, WINDOW])
+        u = share(joints, k, segments[q, WINDOW_ORIGIN], segments[q, LAST])
+        blocks_at(rows, k, u, flow, response, basis)
+        solve_all(flow, ends, work)
+        for i in range(6):
+            for j in range(6):
+                for m in range(6):
+                    states[i, j] -= response[i, m] * ends[m, j]
+        solve_all(flow, states, work)
+        for i in range(6):
+            for j in range(6):
+                out[q - first, i, j], out[q - first, 6 + i, j] = states[i, j], ends[i, j]
+
+
+@kernel(void(TABLE, int64, float64, float64[:, ::1], float64[:, ::1]))
+def flow_at(table, k, u, flow, response):
+    """Fill Phi (6, 6) and [R, G] (6, 9) from the beginning of window k to u."""
+    blocks_at(table[3], k, u, flow, response, np.empty(TERMS))

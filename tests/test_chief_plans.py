@@ -1,0 +1,260 @@
+"""Plans about any chief, beside integrated equations, a cone program, and the plans of Hill's equations."""
+
+from functools import cache
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from chiefs import linear_matrix
+from closeform.motion.chief.oblate_or_supplied import frames, gradient, gravity
+
+SEMI_AXES = np.array([60.0, 120.0, 60.0])
+ZONE = cf.Ellipsoid(SEMI_AXES)
+GAUSS = np.polynomial.legendre.leggauss(3)
+BEHIND = np.array([20.0, -420.0, -15.0, 0.02, 0.0, -0.01])
+AHEAD = np.array([-10.0, 430.0, 25.0, 0.0, 0.03, 0.02])
+
+
+@cache
+def orbit_of(kind):
+    if kind == "J2":
+        return cf.Orbit.perturbed(
+            0.01, 1.1, perigee_altitude=600e3, argument_of_perigee=0.4, true_anomaly=0.7, span=20_000.0
+        )
+    return cf.Orbit.eccentric(kind, perigee_altitude=700e3, true_anomaly=2.0)
+
+
+def case(kind, share=0.4, begin=0.15):
+    """Return a path and a client that it meets half-way."""
+    orbit = orbit_of(kind)
+    duration, start = share * orbit.period, begin * orbit.period
+    path, middle = orbit.transfer(BEHIND, AHEAD, duration, start), start + 0.5 * duration
+    met = path.state(middle) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0] + [12.0, 5.0, -18.0, 0.0, 0.05, 0.0]
+    return path, orbit.coast(orbit.transition(start - middle, middle) @ met, duration, start)
+
+
+def transitions(orbit, times):
+    """Return the matrices (T, 6, 6) from the first of `times`, by DOP853."""
+    if not hasattr(orbit.chief, "j2"):
+        y = solve_ivp(
+            lambda time, y: (linear_matrix(orbit, time) @ y.reshape(6, 6)).ravel(),
+            (times[0], times[-1]),
+            np.eye(6).ravel(),
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+            t_eval=times,
+        ).y
+        return y.T.reshape(-1, 6, 6)
+    chief, bulge = orbit.chief, orbit.chief.j2 * orbit.chief.radius**2
+
+    def rates(_, y):
+        flow = y[6:].reshape(6, 6)
+        turned = gradient(y[:3], chief.mu, bulge) @ flow[:3]
+        return np.concatenate([y[3:6], gravity(y[:3], chief.mu, bulge), flow[3:].ravel(), turned.ravel()])
+
+    y0 = np.concatenate([chief.state, np.eye(6).ravel()])
+    atol = np.concatenate([[1e-6] * 3, [1e-9] * 3, np.full(36, 1e-12)])
+    span = 0.0, times[-1]
+    found = solve_ivp(rates, span, y0, method="DOP853", rtol=1e-12, atol=atol, t_eval=times).y.T
+    into = [frames(y[:6], chief.mu, bulge)[0] @ y[6:].reshape(6, 6) for y in found]
+    return np.array(into) @ np.linalg.inv(into[0])
+
+
+def integrated(orbit, path, pieces):
+    """Return times and states under a path's thrust, by transition matrices and Gauss's quadrature."""
+    edges = np.union1d(np.linspace(path.start, path.end, pieces), path.arcs[:, 0])
+    pieces = len(edges) - 1
+    half = 0.5 * np.diff(edges)
+    inner = edges[:-1, None] + half[:, None] * (1.0 + GAUSS[0])
+    times = np.concatenate([edges[:-1, None], inner], axis=1).ravel()
+    flows = transitions(orbit, np.append(times, edges[-1]))
+    back = np.linalg.inv(flows[:-1].reshape(pieces, 4, 6, 6)[:, 1:])[..., 3:]
+    gained = np.einsum("pqij,pqj,q,p->pi", back, path.thrust(inner), GAUSS[1], half)
+    begun = path.state(path.start) + np.concatenate([np.zeros((1, 6)), np.cumsum(gained, axis=0)])
+    ends = np.concatenate([flows[:-1:4], flows[-1:]])
+    return edges, (ends @ begun[:, :, None])[..., 0]
+
+
+def cone_energy(path, client, count=240):
+    """Return the minimum energy of thrust that is constant in intervals, on the path's side of the zone.
+
+    The zone is replaced at every instant near it by the half-space beyond the plane that faces the path.
+    """
+    orbit, edges = path.orbit, np.linspace(path.start, path.end, count + 1)
+    step = edges[1] - edges[0]
+    flows = transitions(orbit, np.sort(np.concatenate([edges, edges[:-1] + 0.5 * step])))
+    middle = step * np.linalg.inv(flows[1::2])[..., 3:]  # what a unit thrust adds to the state at the start
+    flows = flows[::2]
+    relative = path.state(edges) - client.state(edges)
+    first, last = relative[0], relative[-1]
+    rows, bounds = [], []
+    for k, place in enumerate(relative[:, :3] / SEMI_AXES):
+        size = np.linalg.norm(place)
+        if 0 < k < count and size < 2.0:
+            normal = place / size / SEMI_AXES
+            reached = normal @ flows[k, :3]
+            row = np.zeros((count, 3))
+            row[:k] = np.einsum("i,kij->kj", reached, middle[:k])
+            rows.append(-row.ravel())
+            bounds.append(reached @ first - 1.0)
+    unit = np.sqrt(2.0 * path.energy / (path.end - path.start))  # m/s^2
+    arrived = np.einsum("ij,kjm->ikm", flows[-1], middle).reshape(6, -1)
+    weights = np.repeat([1.0, step], 3) / np.abs(relative).max()
+    left = weights[:, None] * arrived * unit
+    right = weights * (last - flows[-1] @ first)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.eye(3 * count)),
+        np.zeros(3 * count),
+        sparse.csc_matrix(np.concatenate([left, unit * np.array(rows)])),
+        np.concatenate([right, bounds]),
+        [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows))],
+        settings,
+    )
+    solved = solver.solve()
+    assert str(solved.status) == "Solved"
+    return solved.obj_val * step * unit**2
+
+
+@pytest.mark.parametrize("kind", [0.1, 0.3, 0.6, "J2"])
+def test_plans_are_clear_and_of_minimum_energy_in_integrated_equations(kind):
+    orbit = orbit_of(kind)
+    for share in (0.25, 0.8):
+        direct, client = case(kind, share)
+        plan = cf.avoid(direct, client, ZONE, prove=5.0)
+        assert plan.status.name == "AVOIDED"
+        times, states = integrated(orbit, plan.path, 600)
+        scale = np.abs(states).max(axis=0)
+        assert (np.abs(states - plan.path.state(times)) <= 2e-8 * scale).all()
+        assert np.abs(states[-1] - AHEAD).max() <= 2e-8 * scale.max()
+        ratios = np.linalg.norm((states - client.state(times))[:, :3] / SEMI_AXES, axis=1)
+        assert 1.0 - 1e-7 < ratios.min() < 1.001
+        least = cone_energy(plan.path, client)
+        assert plan.energy == pytest.approx(least, rel=1e-3)
+        assert direct.energy < plan.lower_bound <= plan.energy
+        assert plan.gap <= 1e-3
+
+
+def test_an_almost_circular_chief_has_the_plans_of_hill():
+    hill = cf.Orbit.circular(500e3)
+    round_one = cf.Orbit.eccentric(1e-9, perigee_altitude=500e3)
+    for zone in (ZONE, cf.Box([50.0, 90.0, 40.0])):
+        found = []
+        for orbit in (hill, round_one):
+            client = orbit.coast(np.zeros(6), 5000.0)
+            found.append(cf.avoid(orbit.transfer(BEHIND, AHEAD, 3000.0, 1000.0), client, zone))
+        mine, known = found
+        assert mine.energy == pytest.approx(known.energy, rel=1e-6)
+        assert mine.lower_bound == pytest.approx(known.lower_bound, rel=1e-6)
+        assert [one.time for one in mine.contacts] == pytest.approx([one.time for one in known.contacts])
+    states = np.array([[0, 400 * k, 30 * k, 0, 0, 0] for k in (-1, 0, 1)])
+    plans = [
+        cf.reconfigure(
+            orbit, states, states[::-1], [3000.0, 3500.0, 2500.0], cf.Sphere(90.0), start=[0, 200, 700]
+        )
+        for orbit in (hill, round_one)
+    ]
+    assert all(plan.ok for plan in plans)
+    assert plans[0].energy == pytest.approx(plans[1].energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", [0.3, "J2"])
+def test_formations_with_times_of_their_own_are_clear(kind):
+    orbit, sphere = orbit_of(kind), cf.Sphere(90.0)
+    states = np.array([[0, 300 * k, 40 * k, 0, 0, 0] for k in (-1, 0, 1)])
+    starts, lengths = np.array([900.0, 1200.0, 1500.0]), np.array([2500.0, 2800.0, 2000.0])
+    passing = orbit.coast([60.0, -150.0, 0, 0, 0.0, 0], 5000.0)
+    plan = cf.reconfigure(orbit, states, -states, lengths, sphere, start=starts, obstacles=passing)
+    assert plan.ok
+    assert not len(cf.screen(plan.paths, sphere).pairs)
+    for path, start, end, first, last in zip(
+        plan.paths, starts, starts + lengths, states, -states, strict=True
+    ):
+        assert not cf.find_conflicts(path, passing, sphere)
+        assert np.allclose(path.state(start), first, atol=1e-6)
+        assert np.allclose(path.state(end), last, atol=1e-6)
+        times, flown = integrated(orbit, path, 800)
+        assert np.abs(flown - path.state(times)).max() <= 1e-6 * np.abs(flown).max()
+    slots = np.array([*-states, [200.0, 0, 0, 0, 0, 0]])
+    free = cf.reconfigure(orbit, states, slots, lengths, sphere, assign=True, start=starts, obstacles=passing)
+    assert free.ok
+    assert free.energy <= plan.energy * (1.0 + 1e-9)
+
+
+def test_fallbacks_end_with_the_span_of_the_chief():
+    """A plan past a client is never passively safe, so that longer ones are tried up to the last instant."""
+    orbit = cf.Orbit.perturbed(0.01, 1.1, perigee_altitude=600e3, span=5000.0)
+    slots = np.stack([AHEAD, [300.0, 700.0, 0, 0, 0, 0]])
+    options = {"obstacles": orbit.coast(np.zeros(6), 5000.0), "assign": True, "drift": 1200.0}
+    plan = cf.reconfigure(orbit, BEHIND[None], slots, 2500.0, ZONE, **options)
+    assert not plan.ok
+    assert sum("not known for so long" in line for line in plan.measures) >= 2
+    for options in ({"start": 3000.0}, {"drift": 3000.0, "obstacles": orbit.coast(np.zeros(6), 5000.0)}):
+        with pytest.raises(ValueError, match="5000"):
+            cf.reconfigure(orbit, BEHIND[None], AHEAD[None], 2500.0, ZONE, **options)
+
+
+def test_thrust_limits_lengthen_plans_within_the_span_of_the_chief():
+    direct, client = case("J2", 0.3)
+    orbit = direct.orbit
+    client = client.extended(direct.start + 9000.0)
+    plan = cf.avoid(direct, client, ZONE)
+    limit = 0.7 * plan.paths.peak_thrust[0]
+    longer = cf.avoid(direct, client, ZONE, max_acceleration=limit)
+    assert longer.ok
+    assert longer.paths.peak_thrust[0] <= limit * (1.0 + 1e-8)
+    assert longer.path.end > direct.end
+    beyond = cf.avoid(direct, client, ZONE, max_acceleration=1e-3 * limit)
+    assert beyond.status.name == "TOO_WEAK"
+    least = cf.reconfigure(
+        orbit,
+        BEHIND[None],
+        AHEAD[None],
+        2000.0,
+        ZONE,
+        obstacles=client,
+        start=direct.start,
+        max_acceleration=1e-9,
+    )
+    assert least.status.name == "TOO_WEAK"
+
+
+@pytest.mark.parametrize("kind", [0.3, "J2"])
+def test_passive_safety_is_verified(kind):
+    """Beside drifts from many instants: a plan is returned only if all of them are clear."""
+    orbit = orbit_of(kind)
+    client = orbit.coast(np.zeros(6), 9000.0)
+    found = set()
+    aside = np.array([0.0, 0.0, 150.0, 0.0, 0.0, 0.0])
+    for ends in ((BEHIND, AHEAD), (BEHIND, 0.6 * BEHIND), (BEHIND + aside, 0.6 * BEHIND + aside)):
+        path = orbit.transfer(*ends, 1800.0, 500.0)
+        plan = cf.avoid(path, client, ZONE, drift=3000.0)
+        plain = cf.avoid(path, client, ZONE).path
+        times = np.linspace(plain.start, plain.end, 150)
+        drifts = orbit.coast(plain.state(times), 5300.0 - times, times)
+        least = cf.closest_approach(drifts, client, ZONE).ratio.min()
+        found.add(plan.ok)
+        assert plan.ok == (least > 1.0)
+        assert plan.drift == 3000.0
+        assert not plan.ok or np.array_equal(plan.path.arcs, plain.arcs, equal_nan=True)
+    assert found == {True, False}
+
+
+def test_what_is_not_planned_about_a_chief_is_refused_with_an_alternative():
+    direct, client = case(0.1)
+    errors = cf.Uncertainty(np.eye(6) * 1e-4)
+    for options, remedy in (
+        ({"cost": "delta-v"}, "impulsive"),
+        ({"method": "sauter-palmer"}, "omit"),
+        ({"errors": errors}, "margin"),
+    ):
+        with pytest.raises(ValueError, match=remedy):
+            cf.avoid(direct, client, ZONE, **options)
+    with pytest.raises(ValueError, match="same orbit"):
+        cf.avoid(direct, cf.Orbit.circular(500e3).coast(np.zeros(6), 9000.0), ZONE)

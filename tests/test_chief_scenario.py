@@ -1,0 +1,153 @@
+"""Scenarios beside an eccentric or J2 chief: planned there, checked, refused where nothing holds."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from chiefs import MU, linear_matrix
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.motion.chief.oblate_or_supplied import frames, gravity
+from closeform.scenario import ScenarioError, parse
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+ECCENTRIC = (EXAMPLES / "eccentric_chief.toml").read_text()
+J2 = (EXAMPLES / "j2_chief.toml").read_text()
+
+
+def planned(text):
+    return fly(parse(text))
+
+
+def test_a_mission_beside_an_eccentric_chief_is_planned_in_its_motion():
+    """The executed thrust, integrated from the file's states, reaches the ends and stays out of zones."""
+    mission = planned(ECCENTRIC)
+    assert mission.clear
+    assert mission.warnings == ()
+    first, second = mission.results
+    orbit = mission.orbit
+    kepler = cf.Orbit.eccentric(0.3, semi_major_axis=1e7, true_anomaly=np.radians(150.0))
+    assert np.allclose(orbit.transition(5000.0, 700.0), kepler.transition(5000.0, 700.0), rtol=1e-9)
+    times = np.linspace(0.0, first.end, 400)
+    own = first.after.paths
+
+    def rates(time, x):
+        pushed = linear_matrix(kepler, time) @ x.reshape(3, 6).T
+        pushed[3:] += own.thrust(np.clip(time, 0.0, first.end)).T
+        return pushed.T.ravel()
+
+    begin = np.array([[0, 0, 0, 0, 0, 0], [0, 350, 0, 0, 0, 0], [0, -400, 0, 0, 0, 0]], dtype=float)
+    found = solve_ivp(
+        rates, (0.0, first.end), begin.ravel(), rtol=1e-9, atol=1e-9, t_eval=times, max_step=20.0
+    )
+    states = found.y.T.reshape(-1, 3, 6)
+    assert np.abs(states[-1, 2] - [0, 500, 0, 0, 0, 0]).max() < 1e-3
+    assert np.abs(states - own.state(times).swapaxes(0, 1)).max() < 1e-3
+    apart = np.linalg.norm(states[:, 2, :3] - states[:, 1, :3], axis=1)
+    assert 50.0 - 1e-3 < apart.min() < 50.5
+    assert second.passive.safe
+    assert all(pair.model == orbit._model for pair in second.passive.pairs)
+
+
+def test_an_unsafe_drift_beside_a_chief_is_found():
+    """Without thrust from some instant on, the servicer drifts into a zone."""
+    text = ECCENTRIC.replace('prove = "5 s"', 'drift = "2 h"')
+    mission = planned(text)
+    worst = mission.results[0].passive.worst
+    assert not mission.verdict.ok
+    assert worst.fails == "servicer"
+    assert worst.ratio < 1.0
+    own = mission.results[0].after.path("servicer")
+    drift = mission.orbit.coast(own.state(worst.failed_at), worst.time - worst.failed_at, worst.failed_at)
+    met = mission.results[0].after.path(worst.meets)
+    met = met if worst.time <= met.end else met.extended(worst.time)
+    gap = drift.position(worst.time) - met.position(worst.time)
+    assert worst.zone.norm(gap) == pytest.approx(worst.ratio, rel=1e-6)
+
+
+@pytest.mark.parametrize("model", ["kepler", "j2"])
+def test_inertial_starts_move_as_integrated(model):
+    """Beside both spacecraft integrated about the Earth, to first order in the distance."""
+    bulge = 1.082635854e-3 * 6378137.0**2 if model == "j2" else 0.0
+    chief = np.array([6.9e6, 1e5, -2e5, 300.0, 1200.0, 7900.0])
+    apart = np.array([30.0, -50.0, 20.0, 0.02, 0.03, -0.01])
+    orbit = " ".join(map(str, chief[:3])) + " m, " + " ".join(map(str, chief[3:])) + " m/s"
+    other = chief + apart
+    place = (
+        " ".join(f"{x:.9f}" for x in other[:3]) + " m, " + " ".join(f"{x:.12f}" for x in other[3:]) + " m/s"
+    )
+    text = f"""closeform = 1
+title = "inertial start"
+[orbit]
+epoch = "2026-11-22T12:00:00Z"
+model = "{model}"
+chief = {{ state = "{orbit}" }}
+[craft]
+name = ["F1"]
+start = {{ inertial = "{place}" }}
+[[stage]]
+do = "coast"
+for = "90 min"
+"""
+    flown = planned(text).results[0].after.paths[0]
+
+    def rates(_, y):
+        felt = gravity(y.reshape(2, 6)[:, :3], MU, bulge)
+        return np.concatenate([y[3:6], felt[0], y[9:], felt[1]])
+
+    times = np.linspace(0.0, 5400.0, 9)
+    y = solve_ivp(
+        rates, (0.0, 5400.0), [*chief, *other], rtol=1e-12, atol=1e-6, method="DOP853", t_eval=times
+    ).y.T
+    for time, row in zip(times, y, strict=True):
+        known = frames(row[:6], MU, bulge)[0] @ (row[6:] - row[:6])
+        assert np.abs(flown.state(time) - known)[:3].max() < 0.02
+        assert np.abs(flown.state(time) - known)[3:].max() < 2e-5
+
+
+def test_a_run_beside_a_j2_chief_is_written_and_loaded(tmp_path):
+    assert main(["run", str(EXAMPLES / "j2_chief.toml"), "--out", str(tmp_path / "run")]) == 0
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert "J2" in (tmp_path / "run" / "report.html").read_text()
+    assert (tmp_path / "run" / "viewer.html").stat().st_size > 100_000
+    loaded, flown = cf.load(tmp_path / "run"), planned(J2)
+    assert summary["mean_motion_rad_s"] == pytest.approx(2 * np.pi / flown.orbit.period)
+    for mine, known in zip(loaded.results, flown.results, strict=True):
+        times = np.linspace(mine.start, mine.end, 50)
+        assert np.allclose(mine.after.paths.state(times), known.after.paths.state(times), rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match="Hill"):
+        cf.export(loaded, tmp_path / "out", "oem")
+
+
+SCATTER = 'do = "scatter"\nwithin = "1 orbit"\nfactor = 3'
+COVARIANCE = 'covariance = { position = "1 1 1 m", velocity = "1 1 1 mm/s" }'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "remedy"),
+    [
+        ("eccentricity = 0.001", "eccentricity = 0.95", "orbit.chief", "0.9"),
+        ('altitude = "500 km"', 'semi_major_axis = "6300 km"', "orbit.chief", "surface"),
+        ('model = "j2"', 'model = "j2"\nfield = { zonals = 2 }', "orbit", "remove one"),
+        ('do = "reconfigure"', 'do = "reconfigure"\ncost = "delta-v"', "stage[1].cost", "energy"),
+        ('drift = "24 h"', 'drift = "forever"', "orbit.chief", "24 h"),
+        ("keep_out =", f"{COVARIANCE}\nkeep_out =", "craft.covariance", "margin"),
+        ('do = "coast"\nfor = "1 orbit"', SCATTER, "stage[2].do", "reconfigure"),
+    ],
+)
+def test_what_does_not_hold_beside_a_chief_is_refused_in_one_line(old, new, place, remedy):
+    text = J2.replace(old, new)
+    assert text != J2
+    with pytest.raises(ScenarioError) as error:
+        parse(text)
+    assert any(place in line and remedy in line for line in error.value.lines), error.value.lines
+
+
+def test_a_model_needs_a_chief():
+    text = J2[: J2.index("[orbit.chief")] + 'altitude = "500 km"\n' + J2[J2.index("[craft]") :]
+    with pytest.raises(ScenarioError, match="needs chief"):
+        parse(text)
