@@ -107,8 +107,9 @@ def reconfigure(
         Obstacles must be known until then.  Cannot be combined with `prove` or "sequential".
     errors : Uncertainty, sequence of these, or None, default None
         Uncertainty of all, or of each spacecraft followed by each obstacle, independent, from the start of
-        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  Cannot be
-        combined with `drift`, `prove` or "sequential".
+        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  With `drift`
+        they count until the last arrival; free drifts after a loss of thrust keep the zones alone.  Cannot
+        be combined with `prove` or "sequential".
     sigmas : float, no unit, default 3
         Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0

@@ -33,7 +33,6 @@ from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.planning.requirements import NoThrust
 from closeform.planning.requirements.requirement import AFTER, Requirement
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
@@ -318,10 +317,9 @@ class ImpulseSolver:
         impulses, number = found.impulses, contacts.number
         contacts = contacts._replace(multipliers=found.multipliers[:number])
         felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
-        active = found.multipliers[number:] > ACTIVE * found.multipliers[number:].max(initial=0.0)
-        keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
         inward = self.inward * float(found.multipliers[number:] @ self.reserves)
-        self.cuts, self.reserves = self.cuts.some(active), self.reserves[active]
+        active = self.keep_cuts(found.multipliers[number:])
+        keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
         flown = self.flown(fleet, impulses)
         if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
             return None
@@ -352,21 +350,28 @@ class ImpulseSolver:
 
     def keeps_requirements(self, flown: Flown) -> bool:
         """Return whether paths keep all requirements, by proof; add planes where they do not."""
-        paths, kept, short = self.problem.path(flown), True, 0.0
+        self.outside, paths = max(self.cut_off(flown), 0.0), self.problem.path(flown)
+        return self.outside == 0.0 and all(
+            one.holds(paths[i]) for i, own in enumerate(self.problem.requirements) for one in own
+        )
+
+    def cut_off(self, flown: Flown) -> float:
+        """Add the planes of requirements where paths leave them; return the shortfall in reserves."""
+        paths, short = self.problem.path(flown), -inf
         for i, own in enumerate(self.problem.requirements):
-            path = paths[i]
             for one in own:
-                if isinstance(one, NoThrust):
-                    kept = kept and one.holds(path)
-                    continue
-                worst, times, states = one._worst(path)
+                worst, times, states = one._worst(paths[i])
                 fresh = self.supporting(i, one, times, states)
                 self.cuts = self.cuts.joined(fresh)
                 self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
-                if not (worst >= 0.0 and one.holds(path)):
-                    kept, short = False, max(short, -worst / one.reserve)
-        self.outside = short
-        return kept
+                short = max(short, -worst / one.reserve)
+        return short
+
+    def keep_cuts(self, multipliers: Floats, share: float = ACTIVE) -> Any:
+        """Keep only the planes of requirements with significant multipliers; return their mask."""
+        active = multipliers > share * multipliers.max(initial=0.0)
+        self.cuts, self.reserves = self.cuts.some(active), self.reserves[active]
+        return active
 
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
         """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
@@ -413,8 +418,7 @@ class ImpulseSolver:
         for own, requirements in zip(moments, self.problem.requirements, strict=True):
             free = np.ones(len(own.times), dtype=bool)
             for one in requirements:
-                if isinstance(one, NoThrust):
-                    free &= ~one._forbids(own.times, own.times + own.widths)
+                free &= ~one._forbids(own.times, own.times + own.widths)
             found.append(own.some(free))
         return found
 

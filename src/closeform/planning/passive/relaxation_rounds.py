@@ -25,6 +25,7 @@ ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan
 SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # softness of planes: initial, decay per round, and final
 # Zones, within which a sampled minimum becomes a plane, and is refined to the nearest minimum.
 REACH, NEAR = 1.8, 1.4
+TOUCHED = 1.02  # of zone and sigmas: closer pairs get a plane
 MOMENTS = 48  # sampled instants of failure of each craft, or of each orbit where that is more
 EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: additional instants near its ends
 SAME = 0.25  # of the time between them: closer contacts are merged
@@ -57,7 +58,7 @@ class Rounds:
     """Rounds of one problem, with zones enlarged by the factor `margin`."""
 
     def __init__(self, problem: Problem, margin: float) -> None:
-        self.problem, scene = problem, problem.seen
+        self.problem, self.margin, scene = problem, margin, problem.seen
         edged = scene.shapes != BALL
         self.scene = scene._replace(
             powers=np.where(edged, POWER, inf),
@@ -176,7 +177,8 @@ class Rounds:
         places of the known contacts.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
-        slid, stayed, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        near = known.joined(fresh.some(norms < NEAR)).joined(self.unsure(arcs, offsets))
+        slid, stayed, ratios = self.slid(arcs, offsets, near)
         order = np.argsort(ratios, kind="stable")
         both = slid.some(order).joined(stayed.first(known.number))
         nearest = float(min(norms.min(initial=inf), ratios.min(initial=inf)))
@@ -189,7 +191,8 @@ class Rounds:
         They are the closest approaches near sampled failures and the `known` contacts.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
-        slid, _, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        near = known.joined(fresh.some(norms < NEAR)).joined(self.unsure(arcs, offsets))
+        slid, _, ratios = self.slid(arcs, offsets, near)
         found = slid.some(np.argsort(ratios, kind="stable")[: np.count_nonzero(ratios < 1.0)])
         return found.some(self.once(found)), max(1.0 - float(ratios.min(initial=inf)), 0.0)
 
@@ -199,11 +202,28 @@ class Rounds:
         return turned._replace(multipliers=np.zeros(turned.number))
 
     def slid(self, arcs: Floats, offsets: Any, contacts: Contacts) -> tuple[Contacts, Contacts, Floats]:
-        """Return contacts at their closest approaches, at their old times, and norms (K,) of the first."""
+        """Return contacts at their closest approaches, at their old times, and norms (K,) of the first.
+
+        Contacts that keep sigmas clear remain at their times.
+        """
         slid, stayed = contacts.some(np.arange(contacts.number)), contacts.first(contacts.number)
         ratios = np.empty(contacts.number)
         slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        unsure = self.problem.with_errors(contacts)
+        if unsure.any():
+            flown, own = self.problem.with_obstacles(arcs, offsets), contacts.some(unsure)
+            slid.times[unsure], slid.drifts[unsure] = own.times, own.drifts
+            slid.normals[unsure] = stayed.normals[unsure] = self.problem.normals(flown, own, -inf)
+            places = self.problem.motions(flown, own)[:, 0]
+            ratios[unsure] = (slid.normals[unsure] * places).sum(axis=1) / self.margin
         return slid, stayed, ratios
+
+    def unsure(self, arcs: Floats, offsets: Any) -> Contacts:
+        """Return the closest approaches of zones with sigmas along paths; empty without errors."""
+        if not self.problem.sigmas:
+            return Contacts.none()
+        near = self.problem.met(self.problem.conflicts(self.problem.with_obstacles(arcs, offsets), TOUCHED))
+        return near.some(self.problem.with_errors(near))
 
     def once(self, contacts: Contacts) -> Any:
         """Return the indices of distinct contacts, the first of each."""

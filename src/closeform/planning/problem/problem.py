@@ -283,6 +283,10 @@ class Problem:
         """Number of standard deviations kept clear: 0, because all states are known exactly."""
         return 0.0
 
+    def with_errors(self, contacts: Contacts) -> Any:
+        """Return the mask (K,) of contacts at which standard deviations are kept clear: none."""
+        return np.zeros(contacts.number, dtype=bool)
+
     def depth(self, ratio: float) -> str:
         """Return the clearance ratio at an end as text."""
         return f"{ratio:.2f} x zone"
