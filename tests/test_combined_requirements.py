@@ -1,4 +1,4 @@
-"""Plans that are passively safe, clear at three sigmas, and keep requirements, against matrix exponentials."""
+"""Plans that are passively safe, clear at three sigmas and quiet at times, against matrix exponentials."""
 
 import numpy as np
 import pytest

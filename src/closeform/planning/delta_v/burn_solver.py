@@ -35,6 +35,7 @@ from closeform.planning.delta_v.impulse_solver import (
     SMALL_SHARE,
     WIDEST,
     ImpulseSolver,
+    Program,
 )
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.problem.problem import Closest, Problem
@@ -114,11 +115,12 @@ class BurnSolver(ImpulseSolver):
 
     def alone(self) -> Spent | None:
         """Return the unconstrained optimum on slots, with the bound of impulses; None without one."""
-        found = self.priced(self.grid, Contacts.none(), WIDEST, inf)
+        found = self.minimise(Program(Contacts.none(), self.grid), WIDEST, self.least, inf)
         for _ in range(ALONE):
             if found is None:
                 return None
-            found = self.priced(self.following(found), Contacts.none(), LAST, inf)
+            program = Program(Contacts.none(), self.following(found))
+            found = self.minimise(program, LAST, self.least, inf)
         return found and replace(found, least=super().unconstrained().least)
 
     def tightened(self, safe: Spent) -> Spent | None:

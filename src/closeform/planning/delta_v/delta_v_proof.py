@@ -90,8 +90,8 @@ class DeltaVProof:
         self.nodes += 1
         solver, bound, found = self.solver, before, None
         moments = list(map(Moments.joined, solver.grid, solver.at_cuts()))
-        solver.aim, solver.inward = 1.0, 0.0  # of the zones and requirements themselves, without reserve
-        planes = solver.planes(contacts)
+        solver.inward = 0.0  # of the requirements themselves, without reserve
+        planes = solver.planes(contacts, 1.0)
         for turn in range(PRICINGS):
             fleet = solver.fleet(moments)
             found = solver.dual(fleet, planes, LAST, inf)
@@ -147,7 +147,7 @@ class DeltaVProof:
         """Close a node whose own paths are clear; keep them if they are cheaper than the plan."""
         self.least = min(self.least, node.bound)
         solver = self.solver
-        solver.aim, solver.inward = solver.least, 1.0
+        solver.inward = 1.0
         found = solver.solve(node.contacts, self.spent)
         if found is not None and found.delta_v < self.spent:
             self.spent, self.better = found.delta_v, found

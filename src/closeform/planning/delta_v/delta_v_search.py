@@ -16,13 +16,14 @@ from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_proof import DeltaVProof
 from closeform.planning.delta_v.firing_times import Moments
-from closeform.planning.delta_v.impulse_descent import at_rest, descended, step_near
-from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
+from closeform.planning.delta_v.impulse_descent import at_rest, descended
+from closeform.planning.delta_v.impulse_solver import AIM, LAST, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.delta_v.thruster_allocation import shared
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
 from closeform.planning.limits import FULL
+from closeform.planning.loop import Approach
 from closeform.planning.minimum_energy import Outcome, contacts_of, solve
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.plan import ThrustShortfall
@@ -295,7 +296,7 @@ def roomier(
         return best
     best = fewest(solver, cheapest)
     for _ in range(AGAIN):  # near the changed paths, planes farther out may cost less
-        there = step_near(solver, best, solver.following(best))
+        there = Approach(solver, solver.relinearise, LAST).nearer(best)
         if there is None or not (there.checked.clear and there.delta_v < GAINING * best.delta_v):
             break
         best = fewest(solver, there)
@@ -421,7 +422,9 @@ def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterato
             one = own.some([int(own.multipliers.argmax())])
             for _, _, normal in ranked_exits(solver.problem, best.flown, one):
                 start = others.joined(one._replace(normals=normal[None]))
-                found = solver.dual(solver.fleet(solver.grid), solver.planes(start), WIDEST, best.delta_v)
+                found = solver.dual(
+                    solver.fleet(solver.grid), solver.planes(start, solver.least), WIDEST, best.delta_v
+                )
                 if found is not None:
                     ways.append((found.cost, start))
         for _, start in sorted(ways, key=lambda way: way[0]):
