@@ -152,7 +152,7 @@ class Rounds(Generic[C, P]):
 
     task: Any  # Task[C, P], with a stride SteppingTask[C, P]
     bar: Callable[[Round[C, P]], float]  # cost above which a round ends the search
-    most: int = ROUNDS  # rounds until the first clear paths
+    most: int = ROUNDS  # maximum rounds until there are clear paths
     stride: float = inf
     rough: float = 0.0
     fine: float = 0.0
@@ -163,6 +163,7 @@ class Rounds(Generic[C, P]):
     aim: float = 0.0  # first distance of the planes, if it is not the least
     steady: bool = False  # keep this distance
     first: bool = False  # end with the first clear paths
+    then: int = ROUNDS  # maximum rounds in all once there are clear paths
     relinearise: Callable[[C], P] | None = None  # other than the task's
 
     def init(self, program: P) -> Round[C, P]:
@@ -171,7 +172,7 @@ class Rounds(Generic[C, P]):
 
     def done(self, state: Round[C, P]) -> bool:
         """Return whether the rounds have settled, failed or reached their number."""
-        return state.over or state.turn >= (self.most if state.best is None else min(self.most, ROUNDS))
+        return state.over or state.turn >= (self.most if state.best is None else min(self.most, self.then))
 
     def step(self, state: Round[C, P]) -> Round[C, P]:
         """Return the state after a round."""
@@ -185,18 +186,22 @@ class Rounds(Generic[C, P]):
             far = self.task.displacement(state.found, found)
             share = HALF if HALF * far <= self.stride else self.stride / far
             found = self.task.part_way(state.found, found, share)
-        best, idle, over = state.best, state.idle, False
-        if found.clear:
-            gained = inf if best is None else best.cost - found.cost
-            best = found if gained > 0.0 else best
-            idle = 0 if gained > self.settled * found.cost else idle + 1
-            level = abs(gained) < self.settled * found.cost or idle == self.patience
-            over = self.first or (level and state.last == self.fine)
+        best, idle, over = self.judge(state, found)
         if over:
             return state._replace(best=best, over=True)
         program = (self.relinearise or self.task.relinearise)(found)
         accuracy = max(self.fine, self.finer * state.accuracy)
         return Round(program, aim, accuracy, found, best, idle, state.accuracy, state.turn + 1)
+
+    def judge(self, state: Round[C, P], found: C) -> tuple[C | None, int, bool]:
+        """Return the best paths so far, the clear rounds without a lower cost, and whether rounds are over."""
+        if not found.clear:
+            return state.best, state.idle, False
+        gained = inf if state.best is None else state.best.cost - found.cost
+        idle = 0 if gained > self.settled * found.cost else state.idle + 1
+        level = abs(gained) < self.settled * found.cost or idle == self.patience
+        over = self.first or (level and state.last == self.fine)
+        return found if gained > 0.0 else state.best, idle, over
 
 
 class Step(NamedTuple, Generic[C]):

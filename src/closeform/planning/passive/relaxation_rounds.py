@@ -7,6 +7,7 @@ soft, while their normals turn.  All planes are those of the current paths, so t
 become cheaper.                                                                                # theory 4
 """
 
+from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.planning.energy.plane_program import TOGETHER, press_in
+from closeform.planning.loop import Round, Rounds, run
 from closeform.planning.passive.failure_minima import find_failures, slide_failures
 from closeform.planning.problem.deflection import fly, room_for
 from closeform.planning.problem.problem import MARGIN, Closest, Flown, Problem
@@ -54,8 +56,55 @@ class Relaxed(NamedTuple):
     energy: float
 
 
-class Rounds:
-    """Rounds of one problem, with zones enlarged by the factor `margin`."""
+class Pressed(NamedTuple):
+    """Paths of minimum energy for planes: these planes, and those of the next round."""
+
+    cost: float
+    short: float  # largest shortfall of a sampled failure, in zones
+    planes: Contacts
+    following: Contacts
+
+    @property
+    def clear(self) -> bool:
+        """True if no sampled failure leads into a zone."""
+        return self.short == 0.0
+
+    @property
+    def worst(self) -> float:
+        """Smallest clearance ratio, at most 1."""
+        return 1.0 - self.short
+
+    @property
+    def penalised(self) -> float:
+        """Cost with a penalty for the shortfall."""
+        return self.cost * (1.0 + DEAR * self.short)
+
+
+@dataclass(frozen=True)
+class SoftRounds(Rounds[Pressed, Contacts]):
+    """Rounds of soft planes that end with nearly safe paths, whose planes are raised afterwards.
+
+    Where failures touch a zone over a range of instants, planes alternate, and few rounds are clear.
+    """
+
+    beaten: float = inf  # penalised cost that is too much
+    blind: int = ROUNDS  # rounds without nearly safe paths
+
+    def judge(self, state: Round[Pressed, Contacts], found: Pressed) -> tuple[Pressed | None, int, bool]:
+        """Return the best nearly safe paths, the rounds without better ones, and whether rounds are over."""
+        best, idle, before = state.best, state.idle + 1, inf if state.found is None else state.found.cost
+        if found.short < NEARLY and (best is None or found.penalised < best.penalised):
+            best, idle = found, 0
+        if best is None:
+            return best, idle, state.turn == self.blind
+        steady = idle > self.patience or abs(found.cost - before) <= self.settled * found.cost
+        return best, idle, steady or best.penalised > self.beaten
+
+
+class SafeTask:
+    """Minimum energy with passive safety, as a task of the loop; zones are enlarged by the factor `margin`."""
+
+    least = 1.0  # distance of planes, of the margin
 
     def __init__(self, problem: Problem, margin: float) -> None:
         self.problem, self.margin, scene = problem, margin, problem.seen
@@ -84,22 +133,28 @@ class Rounds:
 
     def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
         """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
-        best, before, least, latest = None, inf, inf, 0
-        for turn in range(ROUNDS):
-            energy, arcs, offsets = self.pressed(planes, 1.0, max(soft * FADE**turn, HARD))
-            if energy == inf:
-                break
-            found, short = self.failures(arcs, offsets, pressing(planes))
-            cost = energy * (1.0 + DEAR * short)
-            if short < NEARLY and cost < least:
-                best, least, latest = (planes, short), cost, turn
-            steady = turn - latest > HOPELESS or abs(energy - before) <= STEADY * energy
-            if best is None and turn == BLIND and bar < CHEAP * self.direct_energy:
-                break
-            if best is not None and (steady or least > GIVEN_UP * bar):
-                break
-            before, planes = energy, found
-        return self.raised(*best) if best is not None else Relaxed(pressing(planes), inf)
+        cheap = bar < CHEAP * self.direct_energy
+        method = SoftRounds(
+            *(self, lambda _: inf, ROUNDS, inf, soft, HARD, FADE, STEADY, HOPELESS),
+            steady=True,
+            then=ROUNDS,
+            beaten=GIVEN_UP * bar,
+            blind=BLIND if cheap else ROUNDS,
+        )
+        best: Pressed | None = run(method, planes)
+        return Relaxed(pressing(planes), inf) if best is None else self.raised(best.planes, best.short)
+
+    def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Pressed | None:
+        """Return the paths of minimum energy that satisfy planes of a softness; None above `bar`."""
+        energy, arcs, offsets = self.pressed(planes, aim, accuracy)
+        if energy == inf or energy > bar:
+            return None
+        following, short = self.failures(arcs, offsets, pressing(planes))
+        return Pressed(energy, short, planes, following)
+
+    def relinearise(self, found: Pressed) -> Contacts:
+        """Return the planes of the next round."""
+        return found.following
 
     def raised(self, planes: Contacts, short: float) -> Relaxed:
         """Return the result with planes raised by the remaining shortfall."""

@@ -16,7 +16,7 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.path import path_of
 from closeform.planning.passive.passive_search import failures
-from closeform.planning.passive.relaxation_rounds import BEYOND, Rounds, arrived, pressing
+from closeform.planning.passive.relaxation_rounds import BEYOND, SafeTask, arrived, pressing
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.problem.problem import Flown, Problem
 from closeform.planning.problem.scene import Contacts
@@ -31,7 +31,7 @@ ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 
 def blended_plan(problem: Problem, margin: float) -> Flown | None:
     """Return the cheapest paths found that are certified safe; None without a safe two-impulse plan."""
-    rounds, energy = Rounds(problem, margin), inf
+    rounds, energy = SafeTask(problem, margin), inf
     here = found = spread_plan(rounds)
     for _ in range(STEPS):
         if here is None or problem.effort.beyond() or not problem.energy(here) < (1.0 - STEADY) * energy:
@@ -41,7 +41,7 @@ def blended_plan(problem: Problem, margin: float) -> Flown | None:
     return None if found is None else problem.with_obstacles(*arrived(problem, *found))
 
 
-def spread_plan(rounds: Rounds) -> Flown | None:
+def spread_plan(rounds: SafeTask) -> Flown | None:
     """Return the cheapest two-impulse plan that is clear, as sampled, with its impulses as burns."""
     problem = rounds.problem
     for times, _ in islice(two_impulse_plans(problem), HOPS):
@@ -74,7 +74,7 @@ def burned(problem: Problem, i: int, first: float, last: float, share: float) ->
     return left
 
 
-def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:
+def stepped(rounds: SafeTask, arcs: Floats, offsets: Any) -> Flown | None:
     """Return safe paths part of the way to the cheapest that satisfy the planes of some; None without any."""
     problem, planes = rounds.problem, rounds.failures(arcs, offsets, Contacts.none())[0]
     for _ in range(CUTS):
@@ -98,7 +98,7 @@ def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:
     return None
 
 
-def missed(rounds: Rounds, arcs: Floats, offsets: Any) -> Contacts:
+def missed(rounds: SafeTask, arcs: Floats, offsets: Any) -> Contacts:
     """Return sampled failures inside zones; without any, conflicts and certified failures."""
     problem, found = rounds.problem, rounds.inside(arcs, offsets, Contacts.none())[0]
     if found.number:
