@@ -135,7 +135,7 @@ class SafeTask:
         """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
         cheap = bar < CHEAP * self.direct_energy
         method = SoftRounds(
-            *(self, lambda _: inf, ROUNDS, inf, soft, HARD, FADE, STEADY, HOPELESS),
+            *(self, lambda _: inf, ROUNDS, inf, max(soft, HARD), HARD, FADE, STEADY, HOPELESS),
             steady=True,
             then=ROUNDS,
             beaten=GIVEN_UP * bar,
