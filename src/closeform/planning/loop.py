@@ -224,6 +224,7 @@ class Descent(Generic[C, P]):
     task: Any  # SteppingTask[C, P]
     program: Callable[[C], P]  # planes of clear paths, and the firing times of a step
     accuracy: float
+    shares: tuple[float, ...] = SHARES
 
     def init(self, clear: C) -> Step[C]:
         """Return the state before the first step."""
@@ -257,7 +258,7 @@ class Descent(Generic[C, P]):
             least, program = found, self.task.supported(here, found)
         if least is None or least.clear:
             return least
-        parts = (self.task.blend(here, least, share) for share in SHARES)
+        parts = (self.task.blend(here, least, share) for share in self.shares)
         return next((part for part in parts if part.clear and part.cost < here.cost), None)
 
 

@@ -102,7 +102,7 @@ class SoftRounds(Rounds[Pressed, Contacts]):
 
 
 class SafeTask:
-    """Minimum energy with passive safety, as a task of the loop; zones are enlarged by the factor `margin`."""
+    """Minimum energy with passive safety as a task of the loop, with zones enlarged by `margin`."""
 
     least = 1.0  # distance of planes, of the margin
 
