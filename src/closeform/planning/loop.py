@@ -1,37 +1,47 @@
-"""The loop of planning: minimise a cost subject to planes, move to the minimum, and place the planes anew.
+"""The loop of planning: minimise a cost subject to planes, and place the planes at the minimum anew.
 
-A plan minimises a cost subject to requirements.  Each requirement is replaced by supporting planes: a pair of
-craft (or one craft), a time, the instant of a loss of thrust or none, a normal and an offset.  Programs of
-planes are convex and solved exactly, so that their minimum is a lower bound for these planes.
+A plan minimises a cost subject to requirements.  Requirements produce supporting planes: a pair of craft or
+one craft, a time, the instant of a loss of thrust or none, a normal and an offset.  A program of planes is
+convex and is solved exactly.
 
     program = planes of a start
     until settled:
-        candidate = task.minimise(program)        # paths, cost, multipliers, lower bound, and violations
+        candidate = task.minimise(program)        # paths, cost, multipliers, bound, and violations
         program = task.relinearise(candidate)     # planes turned to the paths, and planes of the violations
 
-A task is a cost with its requirements.  The walk from a problem to a plan:
+A task is a cost with its requirements.  A method is a state machine that leads a task from a start to clear
+paths: `init` begins, `step` does a round, `done` ends the loop of `run`.  There are three:
 
-1. `request.py` checks the arguments and builds a `Problem`; `planner.py` asks for a plan of it.
-2. `delta_v/delta_v_search.py`, `passive/passive_search.py` and `sigmas/sigma_search.py` propose starts: planes on
-   different sides of the zones.  `energy/` is the compiled loop for minimum energy around plain zones.
-3. The methods below lead from a start to clear paths: `Rounds` by whole steps, `Approach` by short ones.
-   `Descent` leads from clear paths to cheaper ones, without leaving the clear paths.
-4. `planner.py` turns the cheapest clear paths into a `Plan`; `bounds/` and `delta_v/delta_v_proof.py` prove bounds.
+    Rounds      whole steps from any planes to the cheapest clear paths near them
+    Approach    short steps from nearly clear paths to clear ones
+    Descent     steps from clear paths to cheaper ones, all of them clear
 
-Costs and requirements, and the task that serves each combination ("+": any combination in this row):
+From a problem to a plan:
 
-    cost                         zones   k sigma   loss of thrust   keep-in, firing times
-    energy                       energy/           sigmas/sigma_search
-    energy                       passive/relaxation_rounds (+)      not available
-    impulses                     delta_v/impulse_solver (+)
-    burns within a limit         delta_v/burn_solver (+)
-    pulses of on-off thrusters   delta_v/pulse_solver (+), near safe impulses
+1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
+2. `planner.planned` keeps clear paths, or calls `minimum_energy.solve` or `delta_v_search.solve_impulses`.
+3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `sigmas/sigma_search`) proposes starts:
+   planes on different sides of the zones.  A method above leads from each start to clear paths; the cheapest
+   are kept.
+4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/delta_v_proof` bound the cost of all clear
+   plans.
 
-To add a cost, write a task: `minimise`, `relinearise`, and for steps `part_way`.  To add a requirement on one
-craft, derive a class in `requirements/`.  One on pairs gives its violations as contacts, each with a normal
-that is divided by the extent of the region to avoid (`Problem.conflicts`, `Problem.normals`).
+The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:
 
-A method is a small state machine: `init` begins, `step` does one round, and `done` ends the loop of `run`.
+                    zones            k sigma          loss of thrust    states, firing times
+    energy          `energy/`        SigmaSearch
+                    SafeTask         SafeTask         SafeTask          refused
+    impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver
+    burns           BurnSolver       BurnSolver       BurnSolver        BurnSolver
+    pulses          PulseSolver      PulseSolver      PulseSolver       PulseSolver
+
+`energy/` is compiled for plain zones and does not use this loop.  Pulses are planned near safe impulses only
+where thrust may be lost.
+
+To add a cost, write a task: `minimise` and `relinearise`, and for short steps the rest of `SteppingTask`.  To
+add a requirement on one craft, derive a class in `requirements/`; every task of delta-v then keeps it.  To
+add one on pairs, override `conflicts` and `normals` of `Problem`, as `sigmas.sigma_problem` does.  A conflict
+is a violation.  A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
 """
 
 from __future__ import annotations
@@ -50,6 +60,7 @@ SHARES = 0.5, 0.25, 0.125  # of the way to the minimum of planes; a shorter step
 GAINED = 1e-4  # of the cost: minimum saving for another step down
 DESCENTS, APPROACHES = 20, 12  # maximum steps to cheaper paths, and to clear ones
 CUTS, CROWDED = 8, 250  # maximum rounds of a step down that add planes, and maximum planes
+CLOSER, STUCK = 1e-3, 3  # rise of the clearance ratio, and the steps without one that end an approach
 LIFTS = 0.0, 1e-3, 1e-2  # distances in zones by which planes are moved out for a step to clear paths
 
 
@@ -145,9 +156,9 @@ class Round(NamedTuple, Generic[C, P]):
 class Rounds(Generic[C, P]):
     """Whole steps from any planes to the cheapest clear paths near them.
 
-    Paths that are clear stay clear when the planes turn, and their cost decreases.  Accuracies of the programs
-    go from `rough` to `fine`; only then are planes moved out.  With a `stride`, a round that is not clear goes
-    only so far that no pair moves by more than `stride` zones.
+    Paths that are clear stay clear when the planes turn, and their cost decreases.  Accuracies of the
+    programs go from `rough` to `fine`; only then are planes moved out.  With a `stride`, a round that is not
+    clear goes only so far that no pair moves by more than `stride` zones.
     """
 
     task: Any  # Task[C, P], with a stride SteppingTask[C, P]
@@ -194,7 +205,7 @@ class Rounds(Generic[C, P]):
         return Round(program, aim, accuracy, found, best, idle, state.accuracy, state.turn + 1)
 
     def judge(self, state: Round[C, P], found: C) -> tuple[C | None, int, bool]:
-        """Return the best paths so far, the clear rounds without a lower cost, and whether rounds are over."""
+        """Return the best paths so far, the clear rounds without a lower cost, and if rounds are over."""
         if not found.clear:
             return state.best, state.idle, False
         gained = inf if state.best is None else state.best.cost - found.cost
@@ -211,14 +222,17 @@ class Step(NamedTuple, Generic[C]):
     gained: float = inf  # by the last step
     turn: int = 0
     over: bool = False
+    worst: float = 0.0  # largest clearance ratio of all steps of an approach
+    nearest: int = 0  # step that reached it
 
 
 @dataclass(frozen=True)
 class Descent(Generic[C, P]):
     """Steps from clear paths to cheaper ones, all of them clear.
 
-    The planes are those of the clear paths, which satisfy them.  Paths part of the way to the minimum of these
-    planes satisfy them as well, cost less, and are clear as far as the planes represent all nearby violations.
+    The planes are those of the clear paths, which satisfy them.  Paths part of the way to the minimum of
+    these planes satisfy them as well, cost less, and are clear as far as the planes represent all nearby
+    violations.
     """
 
     task: Any  # SteppingTask[C, P]
@@ -281,13 +295,17 @@ class Approach(Generic[C, P]):
 
     def step(self, state: Step[C]) -> Step[C]:
         """Return the state after a step to clear paths, or to those nearest to them."""
-        if state.turn == APPROACHES - 1 or self.task.exhausted():
+        stuck = state.turn - state.nearest > STUCK
+        if stuck or state.turn == APPROACHES - 1 or self.task.exhausted():
             return Step(None)
         assert state.best is not None
-        return Step(self.nearer(state.best), turn=state.turn + 1)
+        there, turn = self.nearer(state.best), state.turn + 1
+        if there is None or there.worst < state.worst + CLOSER:
+            return Step(there, turn=turn, worst=state.worst, nearest=state.nearest)
+        return Step(there, turn=turn, worst=there.worst, nearest=turn)
 
     def nearer(self, here: C) -> C | None:
-        """Return paths that are clear or nearest to it, of those with planes farther out; None without any."""
+        """Return paths that are clear or nearest to it, also with planes farther out; None without any."""
         program, best = self.program(here), None
         for lift in LIFTS:
             found = self.task.minimise(program, self.accuracy, self.task.least + lift, inf)

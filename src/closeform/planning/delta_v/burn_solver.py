@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import product
-from math import ceil, inf, pi, sqrt
+from math import ceil, inf, pi
 from typing import Any, Self
 
 import numpy as np
@@ -24,8 +24,9 @@ from closeform.motion.minimum_delta_v.saturated import BOUND
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust, limited
 from closeform.motion.path import Path
 from closeform.planning.delta_v.checks import Failures, Spent
+from closeform.planning.delta_v.dual.fleet import POINTS, WEIGHTS
 from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
-from closeform.planning.delta_v.impulse_descent import cleared
+from closeform.planning.delta_v.impulse_descent import cleared, tightened
 from closeform.planning.delta_v.impulse_solver import (
     FEWER,
     FIRED,
@@ -38,7 +39,7 @@ from closeform.planning.delta_v.impulse_solver import (
     Program,
 )
 from closeform.planning.delta_v.unconstrained import answers_alone
-from closeform.planning.problem.problem import Closest, Problem
+from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
@@ -53,7 +54,6 @@ FURTHER = 1e-5  # of a zone: distance by which planes move out so that fewer slo
 ALONE = 8  # rounds without keep-out zones
 ROOMY = 1.05  # duration of burns relative to full thrust, which leaves a reserve
 SHORT = 1e-4  # of a craft's time: shorter burns are as good as impulses
-LEVELS, CLOSER = 14, 1.07  # intermediate limits tried, and the minimum ratio between them
 
 
 class BurnSolver(ImpulseSolver):
@@ -133,21 +133,34 @@ class BurnSolver(ImpulseSolver):
         short = [own.max(initial=0.0) / (SHORT * time) for own, time in zip(sizes, self.times, strict=True)]
         limited = self.limits > 0.0
         reached = max(1.0, float((np.array(short)[limited] / self.limits[limited]).max()))
-        tried = 1.0
-        for _ in range(LEVELS):
-            solver = self.within(tried)
-            near = solver.about(safe)
-            found = None if near is None else cleared(solver, near)
-            if found is not None:
-                if tried == 1.0:
-                    return found
-                self.enough = reached = tried
-                safe, tried = found, 1.0
-            elif reached < CLOSER * tried:
-                break
-            else:
-                tried = sqrt(tried * reached)
-        return None
+        found, self.enough = tightened(self.tried, safe, reached)
+        return found
+
+    def instead_of(self, flown: Flown, known: Spent) -> Spent | None:
+        """Return clear burns near clear paths of continuous thrust; None without any.
+
+        Each slot begins with the mean thrust of the paths.  A thrust above the limits is reduced gradually.
+        """
+        if not (self.limits > 0.0).all():
+            return None
+        paths, pushes = self.problem.path(flown), []
+        peaks = paths.peak_thrust
+        for path, own in zip(paths, self.grid, strict=True):
+            middles = own.times[:, None] + own.widths[:, None] * np.array(POINTS)
+            thrust = path.thrust(middles.ravel()).reshape(*middles.shape, 3)
+            pushes.append(own.widths[:, None] * np.einsum("p,jpa->ja", np.array(WEIGHTS), thrust))
+        near = self.fired_at(self.grid, pushes_table(pushes), known)
+        reached = float(max((peaks / self.limits).max(), 1.0))
+        if reached == 1.0:
+            return cleared(self, near)
+        found, _ = tightened(self.tried, near, ROOMY * reached)
+        return found
+
+    def tried(self, factor: float, safe: Spent) -> tuple[Self, Spent] | None:
+        """Return the solver for `factor` times the limits, and its burns near safe paths, if they fit."""
+        solver = self.within(factor)
+        near = solver.about(safe)
+        return None if near is None else (solver, near)
 
     def within(self, factor: float) -> Self:
         """Return the solver for `factor` times the limits."""

@@ -64,7 +64,7 @@ class DeltaVProof:
         self.least = inf  # bound of the nodes that cannot be opened
         base, counts = solver.problem.base, solver.pushes.counts
         times = np.linspace(base[:, START], base[:, END], FINER * len(solver.grid[0].times), axis=1)
-        self.finer = solver.allowed(list(map(Moments.every, times, counts)))
+        self.finer = solver.requirements.allowed(list(map(Moments.every, times, counts)))
         self.examine(Contacts.none(), (), 0.0)
 
     @property
@@ -89,8 +89,8 @@ class DeltaVProof:
         """Queue a node whose parent has the bound `before`, unless its own reaches the goal."""
         self.nodes += 1
         solver, bound, found = self.solver, before, None
-        moments = list(map(Moments.joined, solver.grid, solver.at_cuts()))
-        solver.inward = 0.0  # of the requirements themselves, without reserve
+        moments = list(map(Moments.joined, solver.grid, solver.requirements.moments(solver.pushes.counts)))
+        solver.requirements.inward = 0.0  # of the requirements themselves, without reserve
         planes = solver.planes(contacts, 1.0)
         for turn in range(PRICINGS):
             fleet = solver.fleet(moments)
@@ -108,7 +108,7 @@ class DeltaVProof:
                 break
             moments = list(map(Moments.joined, moments, found.peaks))
         assert found is not None
-        solver.keep_cuts(found.multipliers[contacts.number :], FELT)
+        solver.requirements.keep(found.multipliers[contacts.number :], FELT)
         flown = solver.flown(fleet, found.impulses)
         tight = tightened and bound - before < GAINED * self.spent
         heappush(self.queue, Node(bound, self.nodes, contacts, held, flown, tight))
@@ -119,7 +119,7 @@ class DeltaVProof:
         Where the node's paths leave a requirement, its planes there hold for all plans, and tighten the node.
         """
         problem, depth, which = self.solver.problem, INSIDE, -1
-        if not node.tight and self.solver.cut_off(node.flown) > OUTSIDE:
+        if not node.tight and self.solver.requirements.violations(node.flown) > OUTSIDE:
             self.examine(node.contacts, node.held, node.bound, tightened=True)
             return
         places = problem.motions(node.flown, node.contacts)[:, 0]
@@ -147,7 +147,7 @@ class DeltaVProof:
         """Close a node whose own paths are clear; keep them if they are cheaper than the plan."""
         self.least = min(self.least, node.bound)
         solver = self.solver
-        solver.inward = 1.0
+        solver.requirements.inward = 1.0
         found = solver.solve(node.contacts, self.spent)
         if found is not None and found.delta_v < self.spent:
             self.spent, self.better = found.delta_v, found

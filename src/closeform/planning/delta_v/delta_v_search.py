@@ -41,6 +41,7 @@ STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures 
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
 AGAIN, GAINING = 3, 0.99  # further steps from few impulses, while the cost falls by this factor
 ABOUT = 5  # safe impulsive paths near which pulses are sought
+PULSING = 0.6  # of the effort, for pulses at least
 IN_ANY_DIRECTION, STARTING, ROOMY = 0.4, 0.6, 0.7  # of the effort, until which each part may last
 DEAR = 1.1  # times the delta-v of safe paths of minimum energy: impulses above it are rejected
 
@@ -82,10 +83,13 @@ def solve_impulses(
     safe: list[Spent] = []
 
     def near() -> Spent | None:
-        free = impulses.unconstrained()
+        free, lasting = impulses.unconstrained(), by_energy()
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
-        return None if best is None else burns.tightened(best)
+        found = [] if lasting.flown is None else [burns.instead_of(lasting.flown, free)]
+        found += [] if best is None else [burns.tightened(best)]
+        clear = [one for one in found if one is not None]
+        return min(clear, key=lambda one: one.delta_v, default=None)
 
     found, free = solved(burns, by_energy, budget, more, None if failures is None else near)
     if found.flown is not None:
@@ -332,6 +336,7 @@ def pulses_near(
     from closeform.planning.delta_v.pulse_solver import PulseSolver  # only for pulsed thrusters
 
     pulses = PulseSolver.of(solver)
+    solver.problem.effort.extend(PULSING)
     every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT))
     return pulses, next((found for found in every if found is not None), None)
 

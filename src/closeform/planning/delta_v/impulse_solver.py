@@ -17,7 +17,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, START, THRUST, WIDTH
 from closeform.motion.minimum_delta_v.nonnegative import MOST
 from closeform.motion.minimum_delta_v.reduced import COUNT, LOWER
 from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
@@ -29,12 +29,12 @@ from closeform.planning.delta_v.dual.plane_shortfalls import fill_planes
 from closeform.planning.delta_v.dual.primer_maxima import find_peaks
 from closeform.planning.delta_v.fewer_impulses import steps_to_fewer
 from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, sizes_of, some_of_each, table_of
+from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.loop import ROUNDS, Round, Rounds, run
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.planning.requirements.requirement import AFTER, Requirement
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
@@ -61,8 +61,6 @@ FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
 SMALL, SMALL_SHARE, REPLACED = 1e-4, 1e-2, 1.001
 DROPS = 12  # maximum attempts to drop small impulses
 LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more as propellant is used
-SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
-ACTIVE = 1e-6  # of the largest multiplier: planes of requirements below it are dropped
 COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
 
 
@@ -89,14 +87,12 @@ class ImpulseSolver:
         self.needed = inf  # factor of these limits that is proven necessary
         self.least = AIM  # of a zone: minimum distance of planes
         self.closest = Closest()
-        self.cuts, self.reserves = Planes.room(0), np.empty(0)  # of requirements, from all paths so far
-        self.inward = 1.0  # factor of the reserves
-        self.outside = 0.0  # shortfall of the last paths, in reserves
+        self.requirements = PathRequirements(problem)
         self.bound = 0.0  # on the delta-v [m/s] of all paths that keep the requirements, as far as known
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
-        self.grid = self.allowed(list(map(Moments.every, times, self.pushes.counts)))
+        self.grid = self.requirements.allowed(list(map(Moments.every, times, self.pushes.counts)))
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
@@ -318,7 +314,7 @@ class ImpulseSolver:
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the minimum delta-v that satisfies a program's planes; None above `bar`."""
-        contacts, moments = program.contacts, self.allowed(program.moments)
+        contacts, moments = program.contacts, self.requirements.allowed(program.moments)
         fleet, planes = self.fleet(moments), self.planes(contacts, aim)
         found = self.dual(fleet, planes, accuracy, bar)
         if found is None:
@@ -326,17 +322,14 @@ class ImpulseSolver:
         impulses, number = found.impulses, contacts.number
         contacts = contacts._replace(multipliers=found.multipliers[:number])
         felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
-        inward = self.inward * float(found.multipliers[number:] @ self.reserves)
-        active = self.keep_cuts(found.multipliers[number:])
+        inward = self.requirements.inward * float(found.multipliers[number:] @ self.requirements.reserves)
+        active = self.requirements.keep(found.multipliers[number:])
         keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
         flown = self.flown(fleet, impulses)
         if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
             return None
         checked = self.checked(flown, contacts)
-        if checked.kept:
-            self.inward = max(1.0, 0.5 * self.inward)
-        elif self.outside < SHORT:  # a small step inward replaces many more planes
-            self.inward += self.outside
+        self.requirements.relinearise(checked.kept)
         self.closest.note(checked.worst, flown)
         spent = float(sizes_of(impulses).sum())
         least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
@@ -353,81 +346,20 @@ class ImpulseSolver:
             found = Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
         else:
             found = self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
-        return found._replace(kept=self.keeps_requirements(flown)) if self.problem.requirements else found
-
-    def keeps_requirements(self, flown: Flown) -> bool:
-        """Return whether paths keep all requirements, by proof; add planes where they do not."""
-        self.outside, paths = max(self.cut_off(flown), 0.0), self.problem.path(flown)
-        return self.outside == 0.0 and all(
-            one.holds(paths[i]) for i, own in enumerate(self.problem.requirements) for one in own
-        )
-
-    def cut_off(self, flown: Flown) -> float:
-        """Add the planes of requirements where paths leave them; return the shortfall in reserves."""
-        paths, short = self.problem.path(flown), -inf
-        for i, own in enumerate(self.problem.requirements):
-            for one in own:
-                worst, times, states = one._worst(paths[i])
-                fresh = self.supporting(i, one, times, states)
-                self.cuts = self.cuts.joined(fresh)
-                self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
-                short = max(short, -worst / one.reserve)
-        return short
-
-    def keep_cuts(self, multipliers: Floats, share: float = ACTIVE) -> Any:
-        """Keep only the planes of requirements with significant multipliers; return their mask."""
-        active = multipliers > share * multipliers.max(initial=0.0)
-        self.cuts, self.reserves = self.cuts.some(active), self.reserves[active]
-        return active
-
-    def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
-        """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
-        start, end = self.problem.base[i, [START, END]]
-        inside = (times > start) & (times < end)
-        times, states = times[inside], states[inside]
-        planes = Planes.room(len(times))
-        planes.times[:], planes.first[:], planes.second[:] = times, i, -1
-        planes.cuts[:] = times[:, None]
-        coasts = self.problem.orbit.transition(times - start) @ self.problem.base[i, STATE : STATE + 6]
-        margins = one._margin(states)
-        for k, state in enumerate(states):
-            slope = one._slope(state)
-            planes.rows[k] = slope
-            planes.misses[k] = slope @ (state - coasts[k]) - margins[k]
-        return planes
+        return found._replace(kept=self.requirements.hold(flown)) if self.problem.requirements else found
 
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
-        least, known = self.bound, (best.peaks, best.fired(IDLE), self.at_cuts())
-        moments = self.allowed(list(map(Moments.joined, self.grid, *known)))
+        own = self.requirements
+        least, known = self.bound, (best.peaks, best.fired(IDLE), own.moments(self.pushes.counts))
+        moments = own.allowed(list(map(Moments.joined, self.grid, *known)))
         for _ in range(BOUNDING):
-            found = self.dual(self.fleet(moments), self.cuts, LAST, inf)
+            found = self.dual(self.fleet(moments), own.planes, LAST, inf)
             if found is None:
                 break
             least = max(least, (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0))
             moments = list(map(Moments.joined, moments, found.peaks))
         return least
-
-    def at_cuts(self) -> list[Moments]:
-        """Return the moments just before the planes of requirements, where primers have kinks or jumps."""
-        found = []
-        for i, count in enumerate(self.pushes.counts):
-            start, end = self.problem.base[i, [START, END]]
-            times = self.cuts.times[self.cuts.first == i] - AFTER * (end - start)
-            found.append(Moments.every(np.unique(times[times > start]), count))
-        return found
-
-    def allowed(self, moments: list[Moments]) -> list[Moments]:
-        """Return the moments of each craft outside the times in which it may not fire."""
-        if not self.problem.requirements:
-            return moments
-        found = []
-        for own, requirements in zip(moments, self.problem.requirements, strict=True):
-            free = np.ones(len(own.times), dtype=bool)
-            for one in requirements:
-                free &= ~one._forbids(own.times, own.times + own.widths)
-            found.append(own.some(free))
-        return found
 
     def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
         """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`."""
@@ -443,7 +375,7 @@ class ImpulseSolver:
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
         found = zip(instants, which, counts, strict=True)
         peaks = [Moments.instants(times[:number], own[:number]) for times, own, number in found]
-        peaks = self.allowed(peaks)
+        peaks = self.requirements.allowed(peaks)
         return Priced(cost, dual.multipliers, impulses, longest, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
@@ -463,10 +395,7 @@ class ImpulseSolver:
         """
         planes = Planes.room(contacts.number)
         fill_planes(self.problem.bare, *self.drift, contacts, self.free, aim, planes)
-        if not len(self.reserves):
-            return planes
-        cuts = self.cuts._replace(misses=self.cuts.misses + self.inward * self.reserves)
-        return planes.joined(cuts)
+        return planes.joined(self.requirements.placed()) if self.problem.requirements else planes
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
         """Return active and near contacts, turned to their pairs' positions, and those of conflicts."""

@@ -50,6 +50,10 @@ class Effort:
         if limit > self.limit:
             self.limit, self.usual = limit, usual
 
+    def extend(self, share: float) -> None:
+        """Allow a `share` of the limit beyond what has been used."""
+        self.limit = max(self.limit, self.used + share * self.limit)
+
     def beyond(self, share: float = 1.0) -> bool:
         """Return whether more than `share` of the limit has been used, which ends a part of the search."""
         self.ended |= self.used > share * self.limit
