@@ -312,7 +312,7 @@ class Approach(Generic[C, P]):
             if found is None:
                 break
             for share in (1.0, *SHARES):
-                part = found if share == 1.0 else self.task.part_way(here, found, share)
+                part: C = found if share == 1.0 else self.task.part_way(here, found, share)
                 if part.clear:
                     return part
                 if best is None or part.worst > best.worst:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import product
-from math import ceil, inf, pi
+from math import ceil, inf, pi, sqrt
 from typing import Any, Self
 
 import numpy as np
@@ -43,6 +43,7 @@ from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
+PARTS = 1, 4  # of a slot, for continuous thrust: the second where the first leads too far into zones
 FINE = 0.03  # rad of the orbit: maximum slot with thrust along a turning primer
 FINEST = 1.0 / 64.0  # of a craft's time: upper limit of these slots
 BRIEFEST = 1e-6  # of a craft's time: no slot is shorter
@@ -123,38 +124,51 @@ class BurnSolver(ImpulseSolver):
             found = self.minimise(program, LAST, self.least, inf)
         return found and replace(found, least=super().unconstrained().least)
 
+    def at_impulses(self, safe: Spent) -> Spent | None:
+        """Return clear burns within the limits at the times of safe impulses; None without any."""
+        near = self.about(safe)
+        return None if near is None else cleared(self, near)
+
     def tightened(self, safe: Spent) -> Spent | None:
         """Return clear burns within the limits near safe impulsive paths; None without any.
 
-        Where burns at the impulses are not safe and cannot be made so by short steps, the limits are reduced
-        gradually from higher ones, with bisection.  `enough` is set to the smallest factor that was reached.
+        The limits are reduced gradually from higher ones.  `enough` is set to the smallest factor that was
+        reached.
         """
         sizes = [own[own > 0.0] for own in sizes_of(safe.impulses)]
         short = [own.max(initial=0.0) / (SHORT * time) for own, time in zip(sizes, self.times, strict=True)]
         limited = self.limits > 0.0
         reached = max(1.0, float((np.array(short)[limited] / self.limits[limited]).max()))
-        found, self.enough = tightened(self.tried, safe, reached)
+        found, self.enough = tightened(self.tried, safe, reached, sqrt(reached))
         return found
 
     def instead_of(self, flown: Flown, known: Spent) -> Spent | None:
         """Return clear burns near clear paths of continuous thrust; None without any.
 
-        Each slot begins with the mean thrust of the paths.  A thrust above the limits is reduced gradually.
+        A thrust slightly above the limits is reduced gradually.
         """
         if not (self.limits > 0.0).all():
             return None
-        paths, pushes = self.problem.path(flown), []
-        peaks = paths.peak_thrust
-        for path, own in zip(paths, self.grid, strict=True):
+        reached = float(max((self.problem.path(flown).peak_thrust / self.limits).max(), 1.0))
+        for parts in PARTS:
+            near = self.staircase(flown, parts, known)
+            found = cleared(self, near) if reached == 1.0 else None
+            found = found or tightened(self.tried, near, ROOMY * reached)[0]
+            if found is not None:
+                return found
+        return None
+
+    def staircase(self, flown: Flown, parts: int, known: Spent) -> Spent:
+        """Return burns with the mean thrust of paths in each slot of the grid, cut into equal parts."""
+        moments, pushes = [], []
+        for k, edges in enumerate(self.edges):
+            number = np.arange(parts * (len(edges) - 1) + 1) / parts
+            own = Moments.slots(np.interp(number, np.arange(len(edges)), edges))
             middles = own.times[:, None] + own.widths[:, None] * np.array(POINTS)
-            thrust = path.thrust(middles.ravel()).reshape(*middles.shape, 3)
+            thrust = self.problem.path(flown)[k].thrust(middles.ravel()).reshape(*middles.shape, 3)
+            moments.append(own)
             pushes.append(own.widths[:, None] * np.einsum("p,jpa->ja", np.array(WEIGHTS), thrust))
-        near = self.fired_at(self.grid, pushes_table(pushes), known)
-        reached = float(max((peaks / self.limits).max(), 1.0))
-        if reached == 1.0:
-            return cleared(self, near)
-        found, _ = tightened(self.tried, near, ROOMY * reached)
-        return found
+        return self.fired_at(moments, pushes_table(pushes), known)
 
     def tried(self, factor: float, safe: Spent) -> tuple[Self, Spent] | None:
         """Return the solver for `factor` times the limits, and its burns near safe paths, if they fit."""

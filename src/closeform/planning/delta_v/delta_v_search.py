@@ -83,12 +83,18 @@ def solve_impulses(
     safe: list[Spent] = []
 
     def near() -> Spent | None:
-        free, lasting = impulses.unconstrained(), by_energy()
+        free = impulses.unconstrained()
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
-        found = [] if lasting.flown is None else [burns.instead_of(lasting.flown, free)]
-        found += [] if best is None else [burns.tightened(best)]
-        clear = [one for one in found if one is not None]
+        short = None if best is None else burns.at_impulses(best)
+        if short is not None:
+            return short
+        used = problem.effort.used  # the search of burns keeps its share
+        lasting = by_energy()
+        long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
+        problem.effort.used = used
+        short = None if best is None else burns.tightened(best)
+        clear = [one for one in (long, short) if one is not None]
         return min(clear, key=lambda one: one.delta_v, default=None)
 
     found, free = solved(burns, by_energy, budget, more, None if failures is None else near)
