@@ -299,7 +299,7 @@ def test_planes_met_without_thrust_have_no_price(orbit):
     solver = ImpulseSolver(problem, (None,), ("stays",))
     contacts = Contacts.at(np.zeros(2, dtype=np.int64), np.array([300.0, 600.0]), np.zeros((2, 2)))
     contacts = contacts._replace(normals=np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))
-    planes = solver.planes(contacts)._replace(misses=np.zeros(2))
+    planes = solver.planes(contacts, 1.0)._replace(misses=np.zeros(2))
     found = solver.dual(solver.fleet(solver.grid), planes, 1e-5, np.inf)
     assert found.cost == 0.0
     assert found.multipliers.tolist() == [0.0, 0.0]

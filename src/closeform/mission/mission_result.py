@@ -41,8 +41,7 @@ if TYPE_CHECKING:
     from closeform.mission.thruster_firing import Pulsed
     from closeform.mission.uncertainty import UncertainStage
     from closeform.planning.plan import Plan
-    from closeform.planning.requirements import NoThrust
-    from closeform.planning.requirements.requirement import Requirement as PathRequirement
+    from closeform.planning.requirements.requirement import Requirement
     from closeform.search.lock_times import Locks
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
@@ -154,16 +153,13 @@ class AvoidResult:
     plan: "Plan"
     asked: float
     goals: "Mapping[str, Arrival]"
-    required: "Mapping[str, PathRequirement | NoThrust]" = field(default_factory=dict)
+    required: "Mapping[str, Requirement]" = field(default_factory=dict)
 
     def kept(self, path: Path) -> "Iterator[Asked]":
         """Yield each requirement on the path, and whether a path keeps it."""
-        from closeform.planning.requirements.requirement import Requirement
-
         for name, one in self.required.items() if self.plan.ok else ():
-            held, text, least = one.holds(path), f"{name} of {self.craft}", inf
-            if isinstance(one, Requirement):
-                least = one.worst_margin(path)
+            held, text, least = one.holds(path), f"{name} of {self.craft}", one._worst(path)[0]
+            if least < inf:
                 text += f" (margin {least:.3g} {one.unit})"
             yield Asked(f"{text} is kept", f"{text} is not kept", held, least, name)
 

@@ -223,7 +223,8 @@ class Plan(Result):
         Certified passive-safety horizon after the plan's end, for the loss of thrust of any one spacecraft
         while the others complete their plans; None if not requested.
     sigmas : float, no unit
-        Number of standard deviations of all errors that are certified clear; 0 without `errors`.
+        Number of standard deviations of all errors that are certified clear until the last arrival; 0 without
+        `errors`.
     padding : float or array of shape (N + M, N + M) [m]
         Requested keep-out `margin`.  The zones enlarged by it are certified clear, and the contacts are with
         these.

@@ -30,7 +30,6 @@ from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak, wit
 from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
-from closeform.planning.requirements import NoThrust
 from closeform.planning.sauter_palmer import deviated
 from closeform.planning.sequential import by_messages, one_by_one
 from closeform.planning.slots import revised
@@ -312,9 +311,7 @@ def end_outside(problem: Problem, request: Request) -> str:
         start, end = problem.base[k, [START, END]]
         ends = problem.path(problem.direct)[k].state(np.array([start, end]))
         for one in own:
-            if isinstance(one, NoThrust):
-                continue
-            for word, time, margin in zip(("start", "end"), (start, end), one.margin(ends), strict=True):
+            for word, time, margin in zip(("start", "end"), (start, end), one._margin(ends), strict=True):
                 if one.start <= time <= one.end and margin < 0.0:
                     kind, name = type(one).__name__, request.names[k]
                     outside = f"the {word} of {name} is outside its {kind}, by {-margin:.3g} {one.unit}"

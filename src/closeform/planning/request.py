@@ -35,7 +35,6 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
-from closeform.planning.requirements import NoThrust
 from closeform.planning.requirements.requirement import Requirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
@@ -92,7 +91,7 @@ class Request:
     drift: float | None = None  # [s] of free drift that stays clear after a loss of thrust
     errors: Margin | None = None
     padding: Padding | None = None
-    requirements: tuple[tuple[Requirement | NoThrust, ...], ...] = ()  # of each spacecraft
+    requirements: tuple[tuple[Requirement, ...], ...] = ()  # of each spacecraft
 
     @classmethod
     def of_formation(
@@ -450,7 +449,7 @@ def _options(
             for one in own
         ):
             raise ValueError(TWICE)
-        wrong = {"prove": proving, "method": unusual, "drift": drift is not None}
+        wrong = {"prove": proving, "method": unusual}
         if asked := [name for name, has in wrong.items() if has]:
             raise ValueError(f"{asked[0]}: cannot be combined with errors; remove one of them")
     return {
@@ -463,7 +462,7 @@ def _options(
     }
 
 
-def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement | NoThrust, ...], ...]:
+def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement, ...], ...]:
     """Return the requirements of each spacecraft: the same for all, or one sequence for each."""
     one_by_one = isinstance(given, list | tuple) and any(isinstance(own, list | tuple) for own in given)
     each = [tuple(own) for own in given] if one_by_one else [_as_tuple(given)] * count
@@ -472,7 +471,7 @@ def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement 
     if not any(each):
         return ()
     for one in (one for own in each for one in own):
-        instance("requirements", one, Requirement, NoThrust)
+        instance("requirements", one, Requirement)
     if cost != "delta-v":
         raise ValueError("requirements: need cost 'delta-v'; set it, or omit requirements")
     return tuple(each)

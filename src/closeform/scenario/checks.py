@@ -416,8 +416,6 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
     sizes = [(craft.keep_out, craft.body_radius) for craft in scenario.craft]
     if stage.max_probability is not None and any(body is None for _, body in sizes):
         yield f"craft.hard_body: {Craft.missing('hard_body')}"
-    if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
-        yield f"stage[{number}]: sigmas cannot be combined with drift; remove one of them"
     if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
         yield f"craft.keep_out: {Craft.missing('keep_out')}"
 

@@ -24,8 +24,9 @@ from closeform.motion.minimum_delta_v.saturated import BOUND
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust, limited
 from closeform.motion.path import Path
 from closeform.planning.delta_v.checks import Failures, Spent
+from closeform.planning.delta_v.dual.fleet import POINTS, WEIGHTS
 from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
-from closeform.planning.delta_v.impulse_descent import cleared
+from closeform.planning.delta_v.impulse_descent import cleared, tightened
 from closeform.planning.delta_v.impulse_solver import (
     FEWER,
     FIRED,
@@ -35,12 +36,14 @@ from closeform.planning.delta_v.impulse_solver import (
     SMALL_SHARE,
     WIDEST,
     ImpulseSolver,
+    Program,
 )
 from closeform.planning.delta_v.unconstrained import answers_alone
-from closeform.planning.problem.problem import Closest, Problem
+from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
+PARTS = 1, 4  # of a slot, for continuous thrust: the second where the first leads too far into zones
 FINE = 0.03  # rad of the orbit: maximum slot with thrust along a turning primer
 FINEST = 1.0 / 64.0  # of a craft's time: upper limit of these slots
 BRIEFEST = 1e-6  # of a craft's time: no slot is shorter
@@ -52,7 +55,6 @@ FURTHER = 1e-5  # of a zone: distance by which planes move out so that fewer slo
 ALONE = 8  # rounds without keep-out zones
 ROOMY = 1.05  # duration of burns relative to full thrust, which leaves a reserve
 SHORT = 1e-4  # of a craft's time: shorter burns are as good as impulses
-LEVELS, CLOSER = 14, 1.07  # intermediate limits tried, and the minimum ratio between them
 
 
 class BurnSolver(ImpulseSolver):
@@ -114,38 +116,65 @@ class BurnSolver(ImpulseSolver):
 
     def alone(self) -> Spent | None:
         """Return the unconstrained optimum on slots, with the bound of impulses; None without one."""
-        found = self.priced(self.grid, Contacts.none(), WIDEST, inf)
+        found = self.minimise(Program(Contacts.none(), self.grid), WIDEST, self.least, inf)
         for _ in range(ALONE):
             if found is None:
                 return None
-            found = self.priced(self.following(found), Contacts.none(), LAST, inf)
+            program = Program(Contacts.none(), self.following(found))
+            found = self.minimise(program, LAST, self.least, inf)
         return found and replace(found, least=super().unconstrained().least)
+
+    def at_impulses(self, safe: Spent) -> Spent | None:
+        """Return clear burns within the limits at the times of safe impulses; None without any."""
+        near = self.about(safe)
+        return None if near is None else cleared(self, near)
 
     def tightened(self, safe: Spent) -> Spent | None:
         """Return clear burns within the limits near safe impulsive paths; None without any.
 
-        Where burns at the impulses are not safe and cannot be made so by short steps, the limits are reduced
-        gradually from higher ones, with bisection.  `enough` is set to the smallest factor that was reached.
+        The limits are reduced gradually from higher ones.  `enough` is set to the smallest factor that was
+        reached.
         """
         sizes = [own[own > 0.0] for own in sizes_of(safe.impulses)]
         short = [own.max(initial=0.0) / (SHORT * time) for own, time in zip(sizes, self.times, strict=True)]
         limited = self.limits > 0.0
         reached = max(1.0, float((np.array(short)[limited] / self.limits[limited]).max()))
-        tried = 1.0
-        for _ in range(LEVELS):
-            solver = self.within(tried)
-            near = solver.about(safe)
-            found = None if near is None else cleared(solver, near)
+        found, self.enough = tightened(self.tried, safe, reached, sqrt(reached))
+        return found
+
+    def instead_of(self, flown: Flown, known: Spent) -> Spent | None:
+        """Return clear burns near clear paths of continuous thrust; None without any.
+
+        A thrust slightly above the limits is reduced gradually.
+        """
+        if not (self.limits > 0.0).all():
+            return None
+        reached = float(max((self.problem.path(flown).peak_thrust / self.limits).max(), 1.0))
+        for parts in PARTS:
+            near = self.staircase(flown, parts, known)
+            found = cleared(self, near) if reached == 1.0 else None
+            found = found or tightened(self.tried, near, ROOMY * reached)[0]
             if found is not None:
-                if tried == 1.0:
-                    return found
-                self.enough = reached = tried
-                safe, tried = found, 1.0
-            elif reached < CLOSER * tried:
-                break
-            else:
-                tried = sqrt(tried * reached)
+                return found
         return None
+
+    def staircase(self, flown: Flown, parts: int, known: Spent) -> Spent:
+        """Return burns with the mean thrust of paths in each slot of the grid, cut into equal parts."""
+        moments, pushes = [], []
+        for k, edges in enumerate(self.edges):
+            number = np.arange(parts * (len(edges) - 1) + 1) / parts
+            own = Moments.slots(np.interp(number, np.arange(len(edges)), edges))
+            middles = own.times[:, None] + own.widths[:, None] * np.array(POINTS)
+            thrust = self.problem.path(flown)[k].thrust(middles.ravel()).reshape(*middles.shape, 3)
+            moments.append(own)
+            pushes.append(own.widths[:, None] * np.einsum("p,jpa->ja", np.array(WEIGHTS), thrust))
+        return self.fired_at(moments, pushes_table(pushes), known)
+
+    def tried(self, factor: float, safe: Spent) -> tuple[Self, Spent] | None:
+        """Return the solver for `factor` times the limits, and its burns near safe paths, if they fit."""
+        solver = self.within(factor)
+        near = solver.about(safe)
+        return None if near is None else (solver, near)
 
     def within(self, factor: float) -> Self:
         """Return the solver for `factor` times the limits."""

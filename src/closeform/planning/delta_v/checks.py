@@ -56,6 +56,21 @@ class Spent:
     peaks: list[Moments]  # maxima of each craft's primer, or of its part along a thruster
 
     @property
+    def cost(self) -> float:
+        """Delta-v of the paths [m/s]."""
+        return self.delta_v
+
+    @property
+    def clear(self) -> bool:
+        """True if the paths keep all requirements."""
+        return self.checked.clear
+
+    @property
+    def worst(self) -> float:
+        """Smallest norm of all conflicts, at most 1."""
+        return self.checked.worst
+
+    @property
     def pushing(self) -> Any:
         """Mask (K,) of the contacts with significant multipliers."""
         return pushing(self.contacts)

@@ -5,6 +5,7 @@ each piece a plane bounds the relative position.  A node contains pairs at times
 program of its planes bounds the delta-v of all plans of the node.  The smallest bound of the open nodes
 therefore holds for all plans.  The node of smallest bound is opened next:
 
+    its own paths leave a requirement                     ->  the same node with the planes there
     its own paths are inside a zone at one of its times   ->  a node for each half of that piece
     they are in conflict at another time                  ->  a node for each piece at that time
     neither                                               ->  a clear plan, which may be the cheapest
@@ -33,16 +34,23 @@ PRICINGS = 3  # rounds that add firing times at the maxima of primers
 FINER = 6  # factor of the firing times where few allow no impulses
 SHORT = 1e-3  # level of primers above 1 that is not reduced further
 INSIDE = 1e-4  # of a zone: a pair that is deeper inside is not clear
+GAINED = 1e-4  # of the delta-v: smaller rises of a bound do not pay for more planes of requirements
+FELT = 1e-3  # of the largest multiplier of these planes: planes below it are dropped
+OUTSIDE = 1.0  # reserves: shortfall of requirements beyond rounding of the bound
 
 
 class Node(NamedTuple):
-    """Pairs at times, each in a piece of its zone's outside, and the paths of its bound [m/s]."""
+    """Pairs at times, each in a piece of its zone's outside, and the paths of its bound [m/s].
+
+    `tight` is True if more planes of requirements no longer raise the bound.
+    """
 
     bound: float
     order: int
     contacts: Contacts
     held: tuple[Piece, ...]
     flown: Flown
+    tight: bool
 
 
 class DeltaVProof:
@@ -56,7 +64,7 @@ class DeltaVProof:
         self.least = inf  # bound of the nodes that cannot be opened
         base, counts = solver.problem.base, solver.pushes.counts
         times = np.linspace(base[:, START], base[:, END], FINER * len(solver.grid[0].times), axis=1)
-        self.finer = solver.allowed(list(map(Moments.every, times, counts)))
+        self.finer = solver.requirements.allowed(list(map(Moments.every, times, counts)))
         self.examine(Contacts.none(), (), 0.0)
 
     @property
@@ -75,12 +83,15 @@ class DeltaVProof:
         while self.queue and self.queue[0].bound < self.goal and perf_counter() < over:
             self.open(heappop(self.queue))
 
-    def examine(self, contacts: Contacts, held: tuple[Piece, ...], before: float) -> None:
+    def examine(
+        self, contacts: Contacts, held: tuple[Piece, ...], before: float, tightened: bool = False
+    ) -> None:
         """Queue a node whose parent has the bound `before`, unless its own reaches the goal."""
         self.nodes += 1
-        solver, moments, bound, found = self.solver, self.solver.grid, before, None
-        solver.aim, solver.inward = 1.0, 0.0  # of the zones and requirements themselves, without reserve
-        planes = solver.planes(contacts)
+        solver, bound, found = self.solver, before, None
+        moments = list(map(Moments.joined, solver.grid, solver.requirements.moments(solver.pushes.counts)))
+        solver.requirements.inward = 0.0  # of the requirements themselves, without reserve
+        planes = solver.planes(contacts, 1.0)
         for turn in range(PRICINGS):
             fleet = solver.fleet(moments)
             found = solver.dual(fleet, planes, LAST, inf)
@@ -97,12 +108,20 @@ class DeltaVProof:
                 break
             moments = list(map(Moments.joined, moments, found.peaks))
         assert found is not None
+        solver.requirements.keep(found.multipliers[contacts.number :], FELT)
         flown = solver.flown(fleet, found.impulses)
-        heappush(self.queue, Node(bound, self.nodes, contacts, held, flown))
+        tight = tightened and bound - before < GAINED * self.spent
+        heappush(self.queue, Node(bound, self.nodes, contacts, held, flown, tight))
 
     def open(self, node: Node) -> None:
-        """Branch on the pair that is deepest inside its zone, at a time of the node or at another one."""
+        """Branch on the pair that is deepest inside its zone, at a time of the node or at another one.
+
+        Where the node's paths leave a requirement, its planes there hold for all plans, and tighten the node.
+        """
         problem, depth, which = self.solver.problem, INSIDE, -1
+        if not node.tight and self.solver.requirements.violations(node.flown) > OUTSIDE:
+            self.examine(node.contacts, node.held, node.bound, tightened=True)
+            return
         places = problem.motions(node.flown, node.contacts)[:, 0]
         for k, (place, piece) in enumerate(zip(places, node.held, strict=True)):
             zone = problem.zones[problem.kinds[node.contacts.which[k]]]
@@ -128,7 +147,7 @@ class DeltaVProof:
         """Close a node whose own paths are clear; keep them if they are cheaper than the plan."""
         self.least = min(self.least, node.bound)
         solver = self.solver
-        solver.aim, solver.inward = solver.least, 1.0
+        solver.requirements.inward = 1.0
         found = solver.solve(node.contacts, self.spent)
         if found is not None and found.delta_v < self.spent:
             self.spent, self.better = found.delta_v, found

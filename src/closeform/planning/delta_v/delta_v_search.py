@@ -16,13 +16,14 @@ from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_proof import DeltaVProof
 from closeform.planning.delta_v.firing_times import Moments
-from closeform.planning.delta_v.impulse_descent import at_rest, descended, step_near
-from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
+from closeform.planning.delta_v.impulse_descent import at_rest, descended
+from closeform.planning.delta_v.impulse_solver import AIM, LAST, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.delta_v.thruster_allocation import shared
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
 from closeform.planning.limits import FULL
+from closeform.planning.loop import Approach
 from closeform.planning.minimum_energy import Outcome, contacts_of, solve
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.plan import ThrustShortfall
@@ -40,6 +41,7 @@ STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures 
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
 AGAIN, GAINING = 3, 0.99  # further steps from few impulses, while the cost falls by this factor
 ABOUT = 5  # safe impulsive paths near which pulses are sought
+PULSING = 0.6  # of the effort, for pulses at least
 IN_ANY_DIRECTION, STARTING, ROOMY = 0.4, 0.6, 0.7  # of the effort, until which each part may last
 DEAR = 1.1  # times the delta-v of safe paths of minimum energy: impulses above it are rejected
 
@@ -84,7 +86,16 @@ def solve_impulses(
         free = impulses.unconstrained()
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
-        return None if best is None else burns.tightened(best)
+        short = None if best is None else burns.at_impulses(best)
+        if short is not None:
+            return short
+        used = problem.effort.used  # the search of burns keeps its share
+        lasting = by_energy()
+        long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
+        problem.effort.used = used
+        short = None if best is None else burns.tightened(best)
+        clear = [one for one in (long, short) if one is not None]
+        return min(clear, key=lambda one: one.delta_v, default=None)
 
     found, free = solved(burns, by_energy, budget, more, None if failures is None else near)
     if found.flown is not None:
@@ -295,7 +306,7 @@ def roomier(
         return best
     best = fewest(solver, cheapest)
     for _ in range(AGAIN):  # near the changed paths, planes farther out may cost less
-        there = step_near(solver, best, solver.following(best))
+        there = Approach(solver, solver.relinearise, LAST).nearer(best)
         if there is None or not (there.checked.clear and there.delta_v < GAINING * best.delta_v):
             break
         best = fewest(solver, there)
@@ -331,6 +342,7 @@ def pulses_near(
     from closeform.planning.delta_v.pulse_solver import PulseSolver  # only for pulsed thrusters
 
     pulses = PulseSolver.of(solver)
+    solver.problem.effort.extend(PULSING)
     every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT))
     return pulses, next((found for found in every if found is not None), None)
 
@@ -421,7 +433,9 @@ def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterato
             one = own.some([int(own.multipliers.argmax())])
             for _, _, normal in ranked_exits(solver.problem, best.flown, one):
                 start = others.joined(one._replace(normals=normal[None]))
-                found = solver.dual(solver.fleet(solver.grid), solver.planes(start), WIDEST, best.delta_v)
+                found = solver.dual(
+                    solver.fleet(solver.grid), solver.planes(start, solver.least), WIDEST, best.delta_v
+                )
                 if found is not None:
                     ways.append((found.cost, start))
         for _, start in sorted(ways, key=lambda way: way[0]):

@@ -1,25 +1,14 @@
-"""Descent from clear impulsive paths to cheaper ones, and steps from nearly clear paths to clear ones.
-
-The planes of failures are placed at the current paths, which satisfy them.  Paths part of the way to the
-cheapest that satisfy these planes cost less, and are clear as far as the planes represent all nearby
-failures.  Where none is clear, the planes are moved out, so that the first steps lead away from the
-zones.                                                                                      # theory (74)
-"""
+"""Descent from clear impulsive paths to cheaper ones, and steps from nearly clear paths to clear ones."""
 
 from collections.abc import Callable
-from math import inf
+from math import inf, sqrt
 
-from closeform.planning.delta_v.checks import Spent, arrive
-from closeform.planning.delta_v.firing_times import Moments, blended
-from closeform.planning.delta_v.impulse_solver import LAST, SAFER, SETTLED, ImpulseSolver
-from closeform.planning.problem.scene import Contacts
+from closeform.planning.delta_v.checks import Spent
+from closeform.planning.delta_v.firing_times import Moments
+from closeform.planning.delta_v.impulse_solver import LAST, SAFER, ImpulseSolver, Program
+from closeform.planning.loop import Approach, Descent, run
 
-ROUNDS, COMING = 20, 12  # maximum rounds to cheaper paths, and to clear ones
-LIFTS = 0.0, 1e-3, 1e-2  # distances in zones by which planes are moved out
-SHARES = 0.5, 0.25, 0.125  # of the way to paths that satisfy the planes
-GAINED = 1e-4  # of the cost: minimum saving for another round
-CUTS = 8  # maximum rounds that add violated planes
-MOST = 250  # maximum planes
+LEVELS, CLOSER = 14, 1.07  # intermediate thrusts tried, and the minimum ratio between them
 
 
 def descended(solver: ImpulseSolver, best: Spent) -> Spent:
@@ -34,82 +23,49 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
 
 
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:
-    """Return the last round from clear paths; each round fires at the `moments` of the one before."""
-    for _ in range(ROUNDS):
-        if solver.problem.effort.beyond():
-            break
-        better = step_down(solver, best, moments(best))
-        if better is None:
-            break
-        gained, best = best.delta_v - better.delta_v, better
-        if gained < GAINED * best.delta_v:
-            break
-    return best
+    """Return the end of a descent from clear paths, in steps that fire at `moments` of the paths before."""
+    found: Spent = run(Descent(solver, lambda one: Program(solver.turned(one), moments(one)), LAST), best)
+    return found
 
 
 def cleared(
     solver: ImpulseSolver, near: Spent, moments: Callable[[Spent], list[Moments]] | None = None
 ) -> Spent | None:
-    """Return clear paths to the final states, in steps from nearly clear ones at their moments, or None.
+    """Return clear paths to the final states, in steps from nearly clear ones; None without any.
 
-    If `moments` is given, each step fires at the moments that it returns for the previous paths.
+    A step fires at `moments` of the paths before, by default always at those of the first paths.
     """
-    here: Spent | None = near
-    for _ in range(COMING):
-        # pulses that are left when others are omitted may be clear only because they lead elsewhere
-        if here is None or (here.checked.clear and arrive(solver.problem, here.flown, solver.finals)):
-            return here
-        if solver.problem.effort.beyond():
-            return None
-        here = step_near(solver, here, near.moments if moments is None else moments(here))
-    return None
+
+    def program(one: Spent) -> Program:
+        return Program(solver.turned(one), near.moments if moments is None else moments(one))
+
+    found: Spent | None = run(Approach(solver, program, LAST), near)
+    return found
 
 
-def step_down(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spent | None:
-    """Return clear paths fired at moments that cost less than clear ones; None without any.
+def tightened(
+    about: Callable[[float, Spent], tuple[ImpulseSolver, Spent] | None],
+    safe: Spent,
+    reached: float,
+    tried: float = 1.0,
+) -> tuple[Spent | None, float]:
+    """Return clear paths near safe ones whose thrust is `reached` times as large; None without any.
 
-    They satisfy planes that the clear paths satisfy; planes violated on the way are added.
+    `about` returns a solver for a multiple of the thrust, and its paths near given ones.  Where these cannot
+    be made clear by short steps, the thrust is reduced gradually, with bisection from `tried`.  The
+    second result is the smallest multiple of the thrust for which clear paths were found, inf without any.
     """
-    contacts, least = solver.turned(here), None
-    solver.aim = solver.least
-    for _ in range(CUTS):
-        if contacts.number > MOST:
+    enough = inf
+    for _ in range(LEVELS):
+        near = about(tried, safe)
+        found = None if near is None else cleared(*near)
+        if found is not None:
+            if tried == 1.0:
+                return found, tried
+            enough = reached = tried
+            safe, tried = found, 1.0
+        elif reached < CLOSER * tried:
             break
-        found = solver.priced(moments, contacts, LAST, (1.0 - SETTLED) * here.delta_v)
-        if found is None:
-            break
-        if found.checked.clear:
-            return found
-        least, contacts = found, found.contacts.joined(kept_by(solver, here, found))
-    if least is not None:
-        for share in SHARES:
-            both = (here.moments, least.moments), (here.impulses, least.impulses)
-            part = solver.fired_at(*blended(*both, share), least)
-            if part.checked.clear and part.delta_v < here.delta_v:
-                return part
-    return None
-
-
-def kept_by(solver: ImpulseSolver, clear: Spent, found: Spent) -> Contacts:
-    """Return contacts for the conflicts of found paths, with planes that clear paths satisfy."""
-    problem, lost, met = solver.problem, found.checked.lost, solver.problem.met(found.checked.missed)
-    if solver.failures is not None:
-        lost = lost._replace(normals=problem.normals(solver.failures.brief(clear.flown), lost, -inf))
-    return lost.joined(met._replace(normals=problem.normals(clear.flown, met, -inf)))
-
-
-def step_near(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spent | None:
-    """Return paths fired at moments that are clear or nearest to it; None without any."""
-    contacts, best = solver.turned(here), None
-    for lift in LIFTS:
-        solver.aim = solver.least + lift
-        found = solver.priced(moments, contacts, LAST, inf)
-        if found is None:
-            break
-        for share in (1.0, *SHARES):
-            part = found if share == 1.0 else solver.part_way(here, found, share)
-            if part.checked.clear:
-                return part
-            if best is None or part.checked.worst > best.checked.worst:
-                best = part
-    return best
+        else:
+            tried = sqrt(tried * reached)
+    return None, enough

@@ -8,16 +8,16 @@ times. Each thruster has moments of its own: a time and its direction.          
 6
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, START, THRUST, WIDTH
 from closeform.motion.minimum_delta_v.nonnegative import MOST
 from closeform.motion.minimum_delta_v.reduced import COUNT, LOWER
 from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
@@ -29,12 +29,12 @@ from closeform.planning.delta_v.dual.plane_shortfalls import fill_planes
 from closeform.planning.delta_v.dual.primer_maxima import find_peaks
 from closeform.planning.delta_v.fewer_impulses import steps_to_fewer
 from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, sizes_of, some_of_each, table_of
+from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
+from closeform.planning.loop import ROUNDS, Round, Rounds, run
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.planning.requirements import NoThrust
-from closeform.planning.requirements.requirement import AFTER, Requirement
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
@@ -43,16 +43,13 @@ NEAR = 1.05  # norm beyond which insignificant planes are dropped
 APART = 0.02  # of a craft's duration: closer impulses are merged
 AIM = 1.0 + 1e-6  # of a zone: distance of planes, so that moving contacts stay clear
 ALIKE = 0.002  # of a pair's window: closer planes are merged
-NEARLY = 0.99  # norm above which planes are moved out by the shortfall
 TURNED = 0.3  # norm above which a plane is turned to its pair's position
 WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first and of the last round
 FINER = 0.2  # factor of the gap from round to round
 TURNING = 1e-3  # gap above which turning planes may still lower the cost below the bar
 WORTH = 1e-4  # of the cost: minimum saving for which another start is completed
-ROUNDS, FOCUSING = 30, 8  # maximum rounds, on the grid and with few times
-STEPS, SHARE = 60, 0.5  # maximum rounds of short steps to a first plan; maximum share of the way
-SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
-PATIENCE = 3  # clear rounds without a lower cost
+FOCUSING = 8  # maximum rounds with few times
+STEPS = 60  # maximum rounds of short steps to a first plan
 ROUNDING = 1e-12  # of a bound
 BOUNDING = 4  # rounds of the bound of requirements
 PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of primers above 1
@@ -64,9 +61,14 @@ FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
 SMALL, SMALL_SHARE, REPLACED = 1e-4, 1e-2, 1.001
 DROPS = 12  # maximum attempts to drop small impulses
 LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more as propellant is used
-SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
-ACTIVE = 1e-6  # of the largest multiplier: planes of requirements below it are dropped
 COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
+
+
+class Program(NamedTuple):
+    """Contacts whose planes are to be satisfied, and the moments at which each craft may fire."""
+
+    contacts: Contacts
+    moments: list[Moments]
 
 
 class ImpulseSolver:
@@ -83,16 +85,14 @@ class ImpulseSolver:
         self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
         self.needed = inf  # factor of these limits that is proven necessary
-        self.aim = self.least = AIM  # of a zone: distance of planes, and its minimum
+        self.least = AIM  # of a zone: minimum distance of planes
         self.closest = Closest()
-        self.cuts, self.reserves = Planes.room(0), np.empty(0)  # of requirements, from all paths so far
-        self.inward = 1.0  # factor of the reserves
-        self.outside = 0.0  # shortfall of the last paths, in reserves
+        self.requirements = PathRequirements(problem)
         self.bound = 0.0  # on the delta-v [m/s] of all paths that keep the requirements, as far as known
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
-        self.grid = self.allowed(list(map(Moments.every, times, self.pushes.counts)))
+        self.grid = self.requirements.allowed(list(map(Moments.every, times, self.pushes.counts)))
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
@@ -128,48 +128,56 @@ class ImpulseSolver:
         return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
-        """Return the cheapest clear paths found from a start; None without any well below `bar`.
+        """Return the cheapest clear paths found from a start; None without any well below `bar`."""
 
-        After a round that is not clear only a step is taken, in which no pair moves by more than `stride`
-        zones.
-        """
-        best, before, self.aim, tolerance, last, idle = None, None, self.least, WIDEST, inf, 0
-        moments = self.grid
-        for turn in range(ROUNDS if stride == inf else STEPS):
-            if turn >= ROUNDS and (best is not None or bar < inf):
-                break
-            turning = tolerance > TURNING or self.failures is not None
-            allowed = 1.0 + tolerance if turning else 1.0 - WORTH
-            found = self.priced(moments, contacts, tolerance, allowed * bar)
-            if found is None:
-                break
-            if stride < inf and before is not None and not found.checked.clear:
-                found = self.stepped(before, found, stride)
-            if found.checked.clear:
-                gained = inf if best is None else best.delta_v - found.delta_v
-                best = found if gained > 0.0 else best
-                idle = 0 if gained > SETTLED * found.delta_v else idle + 1
-                if last == LAST and (abs(gained) < SETTLED * found.delta_v or idle == PATIENCE):
-                    break
-            before, contacts, moments = found, self.turned(found), self.following(found)
-            tolerance, last = max(LAST, FINER * tolerance), tolerance
-        return best
+        def allowed(state: Round[Spent, Program]) -> float:
+            turning = state.accuracy > TURNING or self.failures is not None
+            return (1.0 + state.accuracy if turning else 1.0 - WORTH) * bar
 
-    def stepped(self, before: Spent, found: Spent, stride: float) -> Spent:
-        """Return paths part of the way from `before` to `found`, so that no pair moves more than `stride`."""
-        known = before.checked.lost.joined(found.contacts)
-        here, there = (self.problem.motions(one.flown, known)[:, 0] for one in (before, found))
-        farthest = float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
-        return self.part_way(before, found, SHARE if farthest * SHARE <= stride else stride / farthest)
+        most = ROUNDS if stride == inf or bar < inf else STEPS
+        method = Rounds(self, allowed, most, stride, WIDEST, LAST, FINER)
+        found: Spent | None = run(method, Program(contacts, self.grid))
+        return found
 
-    def part_way(self, before: Spent, found: Spent, share: float) -> Spent:
-        """Return paths a `share` of the way from `before` to `found`, by few impulses."""
-        moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
-        return self.by_few(moments, impulses, found, found.contacts.some(found.pushing))
+    def displacement(self, one: Spent, other: Spent) -> float:
+        """Return the largest displacement of a pair at its contacts, in zones."""
+        known = one.checked.lost.joined(other.contacts)
+        here, there = (self.problem.motions(paths.flown, known)[:, 0] for paths in (one, other))
+        return float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
+
+    def part_way(self, one: Spent, other: Spent, share: float) -> Spent:
+        """Return paths a `share` of the way from one to the other, by few impulses."""
+        moments, impulses = blended((one.moments, other.moments), (one.impulses, other.impulses), share)
+        return self.by_few(moments, impulses, other, other.contacts.some(other.pushing))
+
+    def blend(self, one: Spent, other: Spent, share: float) -> Spent:
+        """Return paths a `share` of the way from one to the other, by the impulses of both."""
+        moments, impulses = blended((one.moments, other.moments), (one.impulses, other.impulses), share)
+        return self.fired_at(moments, impulses, other)
+
+    def crowd(self, program: Program) -> int:
+        """Return the number of planes of a program."""
+        return program.contacts.number
+
+    def arrives(self, found: Spent) -> bool:
+        """Return whether paths reach their final states."""
+        return arrive(self.problem, found.flown, self.finals)
+
+    def exhausted(self) -> bool:
+        """Return whether the search has used its effort."""
+        return self.problem.effort.beyond()
+
+    def supported(self, clear: Spent, found: Spent) -> Program:
+        """Return the program of found paths, with planes at their conflicts that clear paths satisfy."""
+        problem, lost, met = self.problem, found.checked.lost, self.problem.met(found.checked.missed)
+        if self.failures is not None:
+            lost = lost._replace(normals=problem.normals(self.failures.brief(clear.flown), lost, -inf))
+        met = met._replace(normals=problem.normals(clear.flown, met, -inf))
+        return Program(found.contacts.joined(lost.joined(met)), found.moments)
 
     def by_few(self, moments: list[Moments], impulses: Floats, known: Spent, contacts: Contacts) -> Spent:
         """Return the result of as few impulses as the ends and `contacts` require."""
-        keep_fewest(self.fleet(moments), self.planes(contacts), impulses)
+        keep_fewest(self.fleet(moments), self.planes(contacts, self.least), impulses)
         return self.fired_at(moments, impulses, known)
 
     def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
@@ -178,6 +186,10 @@ class ImpulseSolver:
         spent, checked = float(sizes_of(impulses).sum()), self.checked(flown, known.contacts)
         return replace(known, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
 
+    def relinearise(self, found: Spent) -> Program:
+        """Return the program of the next round: turned planes, those of conflicts, and firing times."""
+        return Program(self.turned(found), self.following(found))
+
     def following(self, found: Spent) -> list[Moments]:
         """Return the moments at which each craft may fire in the next round."""
         return list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
@@ -185,19 +197,13 @@ class ImpulseSolver:
     def focused(self, best: Spent) -> Spent:
         """Return the solution fired at few times near maxima of the primers, if that costs hardly more."""
         apart = APART * (self.problem.base[:, END] - self.problem.base[:, START])
+        dearer = DEARER if self.failures is None else SAFER
         for share in (FIRED, IDLE):
 
             def near_peaks(found: Spent, share: float = share) -> list[Moments]:
                 return list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
 
-            few, dearer = None, DEARER if self.failures is None else SAFER
-            for found in self.refired(best, near_peaks, dearer, steady=False):
-                gained = (few or best).delta_v - found.delta_v
-                still = abs(gained) if found.margin == AIM else inf  # distant planes still move back
-                level = (gained if few else still) < SETTLED * found.delta_v
-                few = found if few is None or gained > 0.0 else few
-                if level:
-                    break
+            few = self.refired(best, near_peaks, dearer, patience=1)
             if few is not None:
                 return few
         return best
@@ -241,8 +247,31 @@ class ImpulseSolver:
         return best
 
     def refired_at(self, moments: list[Moments], best: Spent, dearer: float) -> Spent | None:
-        """Return the first clear paths fired at moments, of at most `dearer` times the cost; None without."""
-        return next(self.refired(best, lambda _: moments, dearer, steady=True), None)
+        """Return the first clear paths fired at moments, of at most `dearer` times the cost; None without.
+
+        No plane is farther out than those of the best paths.
+        """
+        return self.refired(best, lambda _: moments, dearer, steady=True, first=True)
+
+    def refired(
+        self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, **options: Any
+    ) -> Spent | None:
+        """Return clear paths, fired at `moments` of the round before, of at most `dearer` times the cost."""
+
+        def following(found: Spent) -> Program:
+            after, contacts = moments(found), self.turned(found, 0.0)
+            if self.failures is not None:
+                contacts = self.failures.merged(contacts, found.moments, found.impulses, after)
+            return Program(contacts, after)
+
+        method = Rounds(
+            *(self, lambda _: dearer * best.delta_v, FOCUSING, inf, LAST, LAST),
+            aim=best.margin,
+            relinearise=following,
+            **options,
+        )
+        found: Spent | None = run(method, following(best))
+        return found
 
     def small(self, found: Spent) -> Any:
         """Return which impulses (N, J) are too small to be planned."""
@@ -252,26 +281,6 @@ class ImpulseSolver:
     def kept(self, best: Spent, left: Any) -> list[Moments]:
         """Return the moments in a mask (N, J)."""
         return some_of_each(best.moments, left)
-
-    def refired(
-        self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, steady: bool
-    ) -> Iterator[Spent]:
-        """Yield clear paths, fired at `moments` of the round before, of at most `dearer` times the cost.
-
-        With `steady`, conflicts become planes, and no plane is farther out than those of the best paths.
-        """
-        found, self.aim = best, best.margin
-        for _ in range(FOCUSING):
-            self.aim = best.margin if steady else self.aim
-            after, contacts = moments(found), self.turned(found, 0.0)
-            if self.failures is not None:
-                contacts = self.failures.merged(contacts, found.moments, found.impulses, after)
-            again = self.priced(after, contacts, LAST, dearer * best.delta_v)
-            if again is None:
-                return
-            found = again
-            if found.checked.clear:
-                yield found
 
     def bits(self, i: int, own: Moments) -> Floats:
         """Return the minimum impulse bit (J,) [m/s] of a spacecraft's thrusters at its moments."""
@@ -291,7 +300,7 @@ class ImpulseSolver:
 
     def settled(self, best: Spent) -> Contacts:
         """Return the contacts with the multipliers for firing at any time, not only at the chosen moments."""
-        contacts, planes = best.contacts, self.planes(best.contacts)
+        contacts, planes = best.contacts, self.planes(best.contacts, best.margin)
         moments = list(map(Moments.joined, self.grid, best.peaks, best.fired(IDLE)))
         for _ in range(PRICINGS):
             found = self.dual(self.fleet(moments), planes, PRICED, inf)
@@ -303,36 +312,25 @@ class ImpulseSolver:
             moments = list(map(Moments.joined, moments, found.peaks))
         return contacts
 
-    def priced(
-        self, moments: list[Moments], contacts: Contacts, tolerance: float, bar: float
-    ) -> Spent | None:
-        """Return the minimum delta-v that satisfies the contacts' planes at moments; None above `bar`.
-
-        Once paths are nearly clear, planes are moved out from round to round by the shortfall.
-        """
-        moments = self.allowed(moments)
-        aim, fleet, planes = self.aim, self.fleet(moments), self.planes(contacts)
-        found = self.dual(fleet, planes, tolerance, bar)
+    def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
+        """Return the minimum delta-v that satisfies a program's planes; None above `bar`."""
+        contacts, moments = program.contacts, self.requirements.allowed(program.moments)
+        fleet, planes = self.fleet(moments), self.planes(contacts, aim)
+        found = self.dual(fleet, planes, accuracy, bar)
         if found is None:
             return None
         impulses, number = found.impulses, contacts.number
         contacts = contacts._replace(multipliers=found.multipliers[:number])
         felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
-        active = found.multipliers[number:] > ACTIVE * found.multipliers[number:].max(initial=0.0)
+        inward = self.requirements.inward * float(found.multipliers[number:] @ self.requirements.reserves)
+        active = self.requirements.keep(found.multipliers[number:])
         keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
-        inward = self.inward * float(found.multipliers[number:] @ self.reserves)
-        self.cuts, self.reserves = self.cuts.some(active), self.reserves[active]
         flown = self.flown(fleet, impulses)
         if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
             return None
         checked = self.checked(flown, contacts)
-        if checked.kept:
-            self.inward = max(1.0, 0.5 * self.inward)
-        elif self.outside < SHORT:  # a small step inward replaces many more planes
-            self.inward += self.outside
+        self.requirements.relinearise(checked.kept)
         self.closest.note(checked.worst, flown)
-        if checked.worst > NEARLY and tolerance == LAST:
-            self.aim = 0.5 * (aim + self.least) if checked.clear else aim + 1.0 - checked.worst
         spent = float(sizes_of(impulses).sum())
         least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
         if not number:
@@ -348,75 +346,20 @@ class ImpulseSolver:
             found = Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
         else:
             found = self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
-        return found._replace(kept=self.keeps_requirements(flown)) if self.problem.requirements else found
-
-    def keeps_requirements(self, flown: Flown) -> bool:
-        """Return whether paths keep all requirements, by proof; add planes where they do not."""
-        paths, kept, short = self.problem.path(flown), True, 0.0
-        for i, own in enumerate(self.problem.requirements):
-            path = paths[i]
-            for one in own:
-                if isinstance(one, NoThrust):
-                    kept = kept and one.holds(path)
-                    continue
-                worst, times, states = one._worst(path)
-                fresh = self.supporting(i, one, times, states)
-                self.cuts = self.cuts.joined(fresh)
-                self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
-                if not (worst >= 0.0 and one.holds(path)):
-                    kept, short = False, max(short, -worst / one.reserve)
-        self.outside = short
-        return kept
-
-    def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
-        """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
-        start, end = self.problem.base[i, [START, END]]
-        inside = (times > start) & (times < end)
-        times, states = times[inside], states[inside]
-        planes = Planes.room(len(times))
-        planes.times[:], planes.first[:], planes.second[:] = times, i, -1
-        planes.cuts[:] = times[:, None]
-        coasts = self.problem.orbit.transition(times - start) @ self.problem.base[i, STATE : STATE + 6]
-        margins = one._margin(states)
-        for k, state in enumerate(states):
-            slope = one._slope(state)
-            planes.rows[k] = slope
-            planes.misses[k] = slope @ (state - coasts[k]) - margins[k]
-        return planes
+        return found._replace(kept=self.requirements.hold(flown)) if self.problem.requirements else found
 
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
-        least, known = self.bound, (best.peaks, best.fired(IDLE), self.at_cuts())
-        moments = self.allowed(list(map(Moments.joined, self.grid, *known)))
+        own = self.requirements
+        least, known = self.bound, (best.peaks, best.fired(IDLE), own.moments(self.pushes.counts))
+        moments = own.allowed(list(map(Moments.joined, self.grid, *known)))
         for _ in range(BOUNDING):
-            found = self.dual(self.fleet(moments), self.cuts, LAST, inf)
+            found = self.dual(self.fleet(moments), own.planes, LAST, inf)
             if found is None:
                 break
             least = max(least, (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0))
             moments = list(map(Moments.joined, moments, found.peaks))
         return least
-
-    def at_cuts(self) -> list[Moments]:
-        """Return the moments just before the planes of requirements, where primers have kinks or jumps."""
-        found = []
-        for i, count in enumerate(self.pushes.counts):
-            start, end = self.problem.base[i, [START, END]]
-            times = self.cuts.times[self.cuts.first == i] - AFTER * (end - start)
-            found.append(Moments.every(np.unique(times[times > start]), count))
-        return found
-
-    def allowed(self, moments: list[Moments]) -> list[Moments]:
-        """Return the moments of each craft outside the times in which it may not fire."""
-        if not self.problem.requirements:
-            return moments
-        found = []
-        for own, requirements in zip(moments, self.problem.requirements, strict=True):
-            free = np.ones(len(own.times), dtype=bool)
-            for one in requirements:
-                if isinstance(one, NoThrust):
-                    free &= ~one._forbids(own.times, own.times + own.widths)
-            found.append(own.some(free))
-        return found
 
     def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
         """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`."""
@@ -432,7 +375,7 @@ class ImpulseSolver:
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
         found = zip(instants, which, counts, strict=True)
         peaks = [Moments.instants(times[:number], own[:number]) for times, own, number in found]
-        peaks = self.allowed(peaks)
+        peaks = self.requirements.allowed(peaks)
         return Priced(cost, dual.multipliers, impulses, longest, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
@@ -445,14 +388,14 @@ class ImpulseSolver:
         given = self.problem.bare.base, self.finals, times, along, widths, most, counts, self.span
         return Fleet(*given, *self.pushes)
 
-    def planes(self, contacts: Contacts) -> Planes:
-        """Return the planes of contacts, with the shortfalls of coasting craft, and those of requirements."""
+    def planes(self, contacts: Contacts, aim: float) -> Planes:
+        """Return the planes of contacts at a distance [zones], and those of requirements.
+
+        Their shortfalls are those of coasting craft.
+        """
         planes = Planes.room(contacts.number)
-        fill_planes(self.problem.bare, *self.drift, contacts, self.free, self.aim, planes)
-        if not len(self.reserves):
-            return planes
-        cuts = self.cuts._replace(misses=self.cuts.misses + self.inward * self.reserves)
-        return planes.joined(cuts)
+        fill_planes(self.problem.bare, *self.drift, contacts, self.free, aim, planes)
+        return planes.joined(self.requirements.placed()) if self.problem.requirements else planes
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
         """Return active and near contacts, turned to their pairs' positions, and those of conflicts."""

@@ -35,7 +35,7 @@ def in_whole_bits(solver: ImpulseSolver, best: Spent) -> Spent | None:
     """Return clear paths without an impulse below its minimum bit; None where none are found."""
     found, changed = best, solver.below_bit(best).any(axis=1)
     for turn in range(ROUNDS):
-        planes, moments = solver.planes(found.contacts), list(found.moments)
+        planes, moments = solver.planes(found.contacts, found.margin), list(found.moments)
         pushes = [row[: len(own.times)] for row, own in zip(found.impulses, moments, strict=True)]
         for i in np.flatnonzero(changed).tolist():
             felt = sum(

@@ -6,7 +6,8 @@ pulses, and the zones need no extra margin.  Pulses below the minimum impulse bi
 omitted, the smallest first, and the others compensate.                               # theory (38), (74)
 """
 
-from math import inf
+from copy import copy
+from math import inf, sqrt
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +21,7 @@ from closeform.planning.delta_v.burn_solver import apart
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.dual.fleet import Fleet
 from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
-from closeform.planning.delta_v.impulse_descent import at_rest, cleared
+from closeform.planning.delta_v.impulse_descent import at_rest, cleared, tightened
 from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from closeform.planning.problem.problem import Flown
 from closeform.planning.problem.scene import Contacts
@@ -29,6 +30,7 @@ REPAIRS, MET = 8, 1e-13  # corrections of the ends, and the accepted error, of d
 WITHIN = 1e-9  # of a craft's time: distance of pulses from its ends, for rounding
 DEPENDENT = 1e-9  # of the largest singular value: below it pulses have no effect
 ROOM = 1e-3  # of a zone: reserve of planes for pulses that change with the craft's mass
+STRONGER = 1e3  # times the thrust: pulses as short as impulses
 LEFT_OUT = 40  # maximum rounds that omit pulses below a bit
 PART = 3  # fraction 1 / PART of those below a bit that is omitted at a time
 
@@ -39,6 +41,7 @@ class PulseSolver(ImpulseSolver):
     Moments are the centres of the pulses.
     """
 
+    stronger = 1.0  # factor of the thrust
     fired_by: list[Thrusters]  # of each craft
     now: list[Moments]  # of the current pulses
     lasting: list[tuple[Moments, Floats]]  # durations of the previous round's pulses [s]
@@ -55,12 +58,21 @@ class PulseSolver(ImpulseSolver):
         """Return clear pulses near safe impulses, none below its minimum bit; None without any."""
         self.last_as(safe)
         found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
+        if found is None:  # lengthen the pulses gradually
+            found, _ = tightened(self.tried, safe, STRONGER, sqrt(STRONGER))
         found = None if found is None else at_rest(self, found, lambda one: one.moments)
         for _ in range(LEFT_OUT):
             if found is None or not (small := self.below_bit(found)).any():
                 return found
             found = self.without(found, small)
         return None
+
+    def tried(self, factor: float, safe: Spent) -> tuple[Self, Spent]:
+        """Return the solver for `factor` times the thrust, and its pulses at the impulses of safe paths."""
+        other = copy(self)
+        other.stronger = factor
+        other.last_as(safe)
+        return other, other.some(safe, sizes_of(safe.impulses) > 0.0)
 
     def cleared(self, found: Spent, left: Any) -> Spent | None:
         """Return clear pulses reached by steps from those in a mask (N, J), at their moments or at more."""
@@ -112,7 +124,11 @@ class PulseSolver(ImpulseSolver):
 
     def lengths(self, i: int, which: Any, sizes: Floats) -> Floats:
         """Return the durations of thrusters (J,) of a craft for their delta-v (J,) [m/s]."""
-        found: Floats = sizes / self.fired_by[i].acceleration[which]
+        return sizes / self.strength(i, which)
+
+    def strength(self, i: int, which: Any) -> Floats:
+        """Return the accelerations (J,) of thrusters of a craft [m/s^2]."""
+        found: Floats = self.stronger * self.fired_by[i].acceleration[which]
         return found
 
     def begins(self, i: int, own: Moments, lengths: Floats) -> Floats:
@@ -143,7 +159,7 @@ class PulseSolver(ImpulseSolver):
         for _ in range(REPAIRS):
             lengths = self.lengths(i, own.which, sizes)
             begins = self.begins(i, own, lengths)
-            middle, strength = begins + 0.5 * lengths, thrusters.acceleration[own.which]
+            middle, strength = begins + 0.5 * lengths, self.strength(i, own.which)
             times = np.stack([begins, begins + lengths])
             path = pulsed_path(orbit, thrusters, own.which, times, strength, initial, (start, end))
             along = thrusters.directions_at(orbit, middle)[np.arange(len(own.times)), own.which]

@@ -82,7 +82,8 @@ class ImpulseFailures:
         places = self.problem.motions(wide, contacts)[:, 0]
         kinds = self.problem.kinds[contacts.which]
         sizes = [scaled_norm(self.problem.zones[kind], q) for kind, q in zip(kinds, places, strict=True)]
-        touched = np.array(sizes) < TOUCHING
+        along = (contacts.normals * places).sum(axis=1)
+        touched = np.where(self.problem.with_errors(contacts), along, sizes) < TOUCHING
         return contacts.some(np.flatnonzero(touched)), bool(touched.all())
 
     def starts(self, margin: float = MARGINS[0]) -> Iterator[Contacts]:

@@ -11,7 +11,7 @@ from math import inf
 from typing import Any
 
 from closeform.arrays import Floats
-from closeform.planning.passive.relaxation_rounds import BEYOND, FORGOTTEN, Relaxed, Rounds, pressing
+from closeform.planning.passive.relaxation_rounds import BEYOND, FORGOTTEN, Relaxed, SafeTask, pressing
 from closeform.planning.problem.scene import Contacts
 
 STEPS = 60
@@ -24,7 +24,7 @@ LASTLY = 2  # factor of both before planes are raised
 COARSE, FINE = 1e-4, 1e-5  # accepted shortfall in zones on the way, and before planes are raised
 
 
-def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
+def settled(rounds: SafeTask, safe: Relaxed) -> Relaxed:
     """Return the safe paths of the descent, or the given ones if none is cheaper."""
     now, before, ahead, idle, planes, short = safe, Contacts.none(), 0.0, 0, safe.contacts, 0.0
     for _ in range(STEPS):
@@ -50,7 +50,7 @@ def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
     return found if found.energy < inf else rounds.raised(planes, short)
 
 
-def held(rounds: Rounds, arcs: Floats, offsets: Any, known: Contacts, farther: float = 0.0) -> Relaxed:
+def held(rounds: SafeTask, arcs: Floats, offsets: Any, known: Contacts, farther: float = 0.0) -> Relaxed:
     """Return the safe paths of minimum energy for the planes of the given paths and `known` ones.
 
     Planes are raised by `farther` zones beyond the shortfall.
@@ -68,7 +68,7 @@ def extrapolated(now: Contacts, before: Contacts, ahead: float) -> Contacts:
 
 
 def kept(
-    rounds: Rounds,
+    rounds: SafeTask,
     arcs: Floats,
     offsets: Any,
     known: Contacts,

@@ -11,7 +11,7 @@ from closeform.motion.path import Path
 from closeform.planning.energy.local_solver import Solution
 from closeform.planning.energy.side_search import Found
 from closeform.planning.passive.energy_descent import held, settled
-from closeform.planning.passive.relaxation_rounds import Relaxed, Rounds
+from closeform.planning.passive.relaxation_rounds import Relaxed, SafeTask
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
 from closeform.safety.drift_approach import SAME, failures_at
@@ -86,7 +86,7 @@ class PassiveSearch:
 
     def __init__(self, problem: Problem, margin: float, budget: int | None, more: bool) -> None:
         self.problem = problem
-        self.rounds = Rounds(problem, margin)
+        self.rounds = SafeTask(problem, margin)
         self.margin = margin
         self.few = problem.count < FORMATION
         starts = STARTS if self.few else STARTS_OF_MANY

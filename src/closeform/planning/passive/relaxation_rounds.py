@@ -7,6 +7,7 @@ soft, while their normals turn.  All planes are those of the current paths, so t
 become cheaper.                                                                                # theory 4
 """
 
+from dataclasses import dataclass
 from math import inf
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.planning.energy.plane_program import TOGETHER, press_in
+from closeform.planning.loop import Round, Rounds, run
 from closeform.planning.passive.failure_minima import find_failures, slide_failures
 from closeform.planning.problem.deflection import fly, room_for
 from closeform.planning.problem.problem import MARGIN, Closest, Flown, Problem
@@ -25,6 +27,7 @@ ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan
 SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # softness of planes: initial, decay per round, and final
 # Zones, within which a sampled minimum becomes a plane, and is refined to the nearest minimum.
 REACH, NEAR = 1.8, 1.4
+TOUCHED = 1.02  # of zone and sigmas: closer pairs get a plane
 MOMENTS = 48  # sampled instants of failure of each craft, or of each orbit where that is more
 EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: additional instants near its ends
 SAME = 0.25  # of the time between them: closer contacts are merged
@@ -53,11 +56,58 @@ class Relaxed(NamedTuple):
     energy: float
 
 
-class Rounds:
-    """Rounds of one problem, with zones enlarged by the factor `margin`."""
+class Pressed(NamedTuple):
+    """Paths of minimum energy for planes: these planes, and those of the next round."""
+
+    cost: float
+    short: float  # largest shortfall of a sampled failure, in zones
+    planes: Contacts
+    following: Contacts
+
+    @property
+    def clear(self) -> bool:
+        """True if no sampled failure leads into a zone."""
+        return self.short == 0.0
+
+    @property
+    def worst(self) -> float:
+        """Smallest clearance ratio, at most 1."""
+        return 1.0 - self.short
+
+    @property
+    def penalised(self) -> float:
+        """Cost with a penalty for the shortfall."""
+        return self.cost * (1.0 + DEAR * self.short)
+
+
+@dataclass(frozen=True)
+class SoftRounds(Rounds[Pressed, Contacts]):
+    """Rounds of soft planes that end with nearly safe paths, whose planes are raised afterwards.
+
+    Where failures touch a zone over a range of instants, planes alternate, and few rounds are clear.
+    """
+
+    beaten: float = inf  # penalised cost that is too much
+    blind: int = ROUNDS  # rounds without nearly safe paths
+
+    def judge(self, state: Round[Pressed, Contacts], found: Pressed) -> tuple[Pressed | None, int, bool]:
+        """Return the best nearly safe paths, the rounds without better ones, and whether rounds are over."""
+        best, idle, before = state.best, state.idle + 1, inf if state.found is None else state.found.cost
+        if found.short < NEARLY and (best is None or found.penalised < best.penalised):
+            best, idle = found, 0
+        if best is None:
+            return best, idle, state.turn == self.blind
+        steady = idle > self.patience or abs(found.cost - before) <= self.settled * found.cost
+        return best, idle, steady or best.penalised > self.beaten
+
+
+class SafeTask:
+    """Minimum energy with passive safety as a task of the loop, with zones enlarged by `margin`."""
+
+    least = 1.0  # distance of planes, of the margin
 
     def __init__(self, problem: Problem, margin: float) -> None:
-        self.problem, scene = problem, problem.seen
+        self.problem, self.margin, scene = problem, margin, problem.seen
         edged = scene.shapes != BALL
         self.scene = scene._replace(
             powers=np.where(edged, POWER, inf),
@@ -83,22 +133,28 @@ class Rounds:
 
     def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
         """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
-        best, before, least, latest = None, inf, inf, 0
-        for turn in range(ROUNDS):
-            energy, arcs, offsets = self.pressed(planes, 1.0, max(soft * FADE**turn, HARD))
-            if energy == inf:
-                break
-            found, short = self.failures(arcs, offsets, pressing(planes))
-            cost = energy * (1.0 + DEAR * short)
-            if short < NEARLY and cost < least:
-                best, least, latest = (planes, short), cost, turn
-            steady = turn - latest > HOPELESS or abs(energy - before) <= STEADY * energy
-            if best is None and turn == BLIND and bar < CHEAP * self.direct_energy:
-                break
-            if best is not None and (steady or least > GIVEN_UP * bar):
-                break
-            before, planes = energy, found
-        return self.raised(*best) if best is not None else Relaxed(pressing(planes), inf)
+        cheap = bar < CHEAP * self.direct_energy
+        method = SoftRounds(
+            *(self, lambda _: inf, ROUNDS, inf, max(soft, HARD), HARD, FADE, STEADY, HOPELESS),
+            steady=True,
+            then=ROUNDS,
+            beaten=GIVEN_UP * bar,
+            blind=BLIND if cheap else ROUNDS,
+        )
+        best: Pressed | None = run(method, planes)
+        return Relaxed(pressing(planes), inf) if best is None else self.raised(best.planes, best.short)
+
+    def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Pressed | None:
+        """Return the paths of minimum energy that satisfy planes of a softness; None above `bar`."""
+        energy, arcs, offsets = self.pressed(planes, aim, accuracy)
+        if energy == inf or energy > bar:
+            return None
+        following, short = self.failures(arcs, offsets, pressing(planes))
+        return Pressed(energy, short, planes, following)
+
+    def relinearise(self, found: Pressed) -> Contacts:
+        """Return the planes of the next round."""
+        return found.following
 
     def raised(self, planes: Contacts, short: float) -> Relaxed:
         """Return the result with planes raised by the remaining shortfall."""
@@ -176,7 +232,8 @@ class Rounds:
         places of the known contacts.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
-        slid, stayed, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        near = known.joined(fresh.some(norms < NEAR)).joined(self.unsure(arcs, offsets))
+        slid, stayed, ratios = self.slid(arcs, offsets, near)
         order = np.argsort(ratios, kind="stable")
         both = slid.some(order).joined(stayed.first(known.number))
         nearest = float(min(norms.min(initial=inf), ratios.min(initial=inf)))
@@ -189,7 +246,8 @@ class Rounds:
         They are the closest approaches near sampled failures and the `known` contacts.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
-        slid, _, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        near = known.joined(fresh.some(norms < NEAR)).joined(self.unsure(arcs, offsets))
+        slid, _, ratios = self.slid(arcs, offsets, near)
         found = slid.some(np.argsort(ratios, kind="stable")[: np.count_nonzero(ratios < 1.0)])
         return found.some(self.once(found)), max(1.0 - float(ratios.min(initial=inf)), 0.0)
 
@@ -199,11 +257,28 @@ class Rounds:
         return turned._replace(multipliers=np.zeros(turned.number))
 
     def slid(self, arcs: Floats, offsets: Any, contacts: Contacts) -> tuple[Contacts, Contacts, Floats]:
-        """Return contacts at their closest approaches, at their old times, and norms (K,) of the first."""
+        """Return contacts at their closest approaches, at their old times, and norms (K,) of the first.
+
+        Contacts that keep sigmas clear remain at their times.
+        """
         slid, stayed = contacts.some(np.arange(contacts.number)), contacts.first(contacts.number)
         ratios = np.empty(contacts.number)
         slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        unsure = self.problem.with_errors(contacts)
+        if unsure.any():
+            flown, own = self.problem.with_obstacles(arcs, offsets), contacts.some(unsure)
+            slid.times[unsure], slid.drifts[unsure] = own.times, own.drifts
+            slid.normals[unsure] = stayed.normals[unsure] = self.problem.normals(flown, own, -inf)
+            places = self.problem.motions(flown, own)[:, 0]
+            ratios[unsure] = (slid.normals[unsure] * places).sum(axis=1) / self.margin
         return slid, stayed, ratios
+
+    def unsure(self, arcs: Floats, offsets: Any) -> Contacts:
+        """Return the closest approaches of zones with sigmas along paths; empty without errors."""
+        if not self.problem.sigmas:
+            return Contacts.none()
+        near = self.problem.met(self.problem.conflicts(self.problem.with_obstacles(arcs, offsets), TOUCHED))
+        return near.some(self.problem.with_errors(near))
 
     def once(self, contacts: Contacts) -> Any:
         """Return the indices of distinct contacts, the first of each."""

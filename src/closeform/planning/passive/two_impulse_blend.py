@@ -8,47 +8,108 @@ sampled failures are clear.  Motion is linear in thrust, so that part of the way
 
 from itertools import islice
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.path import path_of
+from closeform.planning.loop import Descent, run
 from closeform.planning.passive.passive_search import failures
-from closeform.planning.passive.relaxation_rounds import BEYOND, Rounds, arrived, pressing
+from closeform.planning.passive.relaxation_rounds import BEYOND, SafeTask, arrived, pressing
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.problem.problem import Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
 SPREADS = 0.25, 0.1, 0.03, 0.01, 1e-3  # of the drift between two impulses, over which each is spread
-STEPS, CUTS = 16, 4  # maximum steps, and rounds that add violated planes
 GIVING = 1e-7  # softness of planes, of their compliance: many are nearly equal
-SHORTEST = 2.0**-8  # of the way: minimum step
-STEADY = 1e-3  # of the energy: minimum saving for another step
+SHARES = tuple(2.0**-k for k in range(9))  # of the way to the minimum of planes
 ROUNDING = 1e-12  # of all time: shorter arcs are dropped
+
+
+class Arcs(NamedTuple):
+    """Paths of all craft until the end of their drifts, with the planes that they satisfy."""
+
+    cost: float
+    clear: bool
+    worst: float
+    arcs: Floats
+    offsets: Any
+    planes: Contacts
+    inside: Contacts  # failures that lead into a zone
+
+
+class ArcTask:
+    """Minimum energy with passive safety as a task of the loop, whose paths are sums of arcs."""
+
+    least = 1.0 + BEYOND  # distance of planes, of the margin
+
+    def __init__(self, problem: Problem, margin: float) -> None:
+        self.problem, self.rounds = problem, SafeTask(problem, margin)
+        self.exhausted = problem.effort.beyond
+
+    def checked(self, arcs: Floats, offsets: Any, planes: Contacts) -> Arcs:
+        """Return paths with their sampled failures inside zones, or else certified ones."""
+        inside, short = self.rounds.inside(arcs, offsets, pressing(planes))
+        inside = inside if inside.number else self.certain(arcs, offsets)
+        energy = self.problem.energy((arcs, offsets))
+        return Arcs(energy, not inside.number, min(1.0 - short, 1.0), arcs, offsets, planes, inside)
+
+    def certain(self, arcs: Floats, offsets: Any) -> Contacts:
+        """Return certified conflicts, with thrust and after its loss."""
+        whole, planned = self.problem.with_obstacles(arcs, offsets), arrived(self.problem, arcs, offsets)
+        met = self.problem.met(self.problem.conflicts(whole))
+        paths = path_of(self.problem.orbit, *planned, (self.problem.count,))
+        return met.joined(failures(self.problem, paths, self.problem.bodies(whole)))
+
+    def relinearise(self, found: Arcs) -> Contacts:
+        """Return the planes of all failures of paths, which these paths satisfy if they are clear."""
+        return self.rounds.failures(found.arcs, found.offsets, Contacts.none())[0]
+
+    def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Arcs | None:
+        """Return the paths of minimum energy that satisfy planes; None above `bar` or without any."""
+        energy, arcs, offsets = self.rounds.pressed(planes, aim, accuracy, most=inf)
+        found = None if energy == inf else self.checked(arcs, offsets, planes)
+        return None if found is None or found.cost > bar else found
+
+    def crowd(self, planes: Contacts) -> int:
+        """Return the number of planes."""
+        return planes.number
+
+    def supported(self, clear: Arcs, found: Arcs) -> Contacts:
+        """Return planes, with those at the failures of found paths that clear paths keep."""
+        return found.planes.joined(self.rounds.turned(clear.arcs, clear.offsets, found.inside))
+
+    def blend(self, one: Arcs, other: Arcs, share: float) -> Arcs:
+        """Return paths a share of the way from one to the other."""
+        each = [
+            summed(self.problem, (one.arcs[a:b], other.arcs[c:d]), (1.0 - share, share))
+            for a, b, c, d in zip(
+                *(one.offsets[:-1], one.offsets[1:], other.offsets[:-1], other.offsets[1:]), strict=True
+            )
+        ]
+        return self.checked(np.concatenate(each), np.cumsum([0, *map(len, each)]), Contacts.none())
 
 
 def blended_plan(problem: Problem, margin: float) -> Flown | None:
     """Return the cheapest paths found that are certified safe; None without a safe two-impulse plan."""
-    rounds, energy = Rounds(problem, margin), inf
-    here = found = spread_plan(rounds)
-    for _ in range(STEPS):
-        if here is None or problem.effort.beyond() or not problem.energy(here) < (1.0 - STEADY) * energy:
-            break
-        energy, found = problem.energy(here), here
-        here = stepped(rounds, *here)
-    return None if found is None else problem.with_obstacles(*arrived(problem, *found))
+    task = ArcTask(problem, margin)
+    begin = spread_plan(task)
+    if begin is None:
+        return None
+    found = run(Descent(task, task.relinearise, GIVING, SHARES), begin)
+    return problem.with_obstacles(*arrived(problem, found.arcs, found.offsets))
 
 
-def spread_plan(rounds: Rounds) -> Flown | None:
+def spread_plan(task: ArcTask) -> Arcs | None:
     """Return the cheapest two-impulse plan that is clear, as sampled, with its impulses as burns."""
-    problem = rounds.problem
+    problem = task.problem
     for times, _ in islice(two_impulse_plans(problem), HOPS):
         for share in SPREADS:
             own = [burned(problem, i, when[0], when[1], share) for i, when in enumerate(times)]
-            plan = np.concatenate(own), np.cumsum([0, *map(len, own)])
-            if not missed(rounds, *plan).number:
+            plan = task.checked(np.concatenate(own), np.cumsum([0, *map(len, own)]), Contacts.none())
+            if plan.clear:
                 return plan
     return None
 
@@ -72,41 +133,6 @@ def burned(problem: Problem, i: int, first: float, last: float, share: float) ->
         after[STATE : STATE + 6] = states(problem, before[None], before[None, END])[0]
     left: Floats = arcs[np.diff(edges) > ROUNDING * (edges[-1] - edges[0])]
     return left
-
-
-def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:
-    """Return safe paths part of the way to the cheapest that satisfy the planes of some; None without any."""
-    problem, planes = rounds.problem, rounds.failures(arcs, offsets, Contacts.none())[0]
-    for _ in range(CUTS):
-        energy, toward, begins = rounds.pressed(planes, 1.0 + BEYOND, GIVING, most=inf)
-        if energy == inf:
-            return None
-        inside, short = rounds.inside(toward, begins, pressing(planes))
-        if short == 0.0:
-            break
-        planes = planes.joined(rounds.turned(arcs, offsets, inside))
-    share = 1.0
-    while share >= SHORTEST:
-        each = [
-            summed(problem, (arcs[a:b], toward[c:d]), (1.0 - share, share))
-            for a, b, c, d in zip(offsets[:-1], offsets[1:], begins[:-1], begins[1:], strict=True)
-        ]
-        part = np.concatenate(each), np.cumsum([0, *map(len, each)])
-        if not missed(rounds, *part).number:
-            return part
-        share *= 0.5
-    return None
-
-
-def missed(rounds: Rounds, arcs: Floats, offsets: Any) -> Contacts:
-    """Return sampled failures inside zones; without any, conflicts and certified failures."""
-    problem, found = rounds.problem, rounds.inside(arcs, offsets, Contacts.none())[0]
-    if found.number:
-        return found
-    whole, planned = problem.with_obstacles(arcs, offsets), arrived(problem, arcs, offsets)
-    met = problem.met(problem.conflicts(whole))
-    paths = path_of(problem.orbit, *planned, (problem.count,))
-    return met.joined(failures(problem, paths, problem.bodies(whole)))
 
 
 def summed(problem: Problem, each: tuple[Floats, Floats], weights: tuple[float, float]) -> Floats:

@@ -53,6 +53,10 @@ class Effort:
         if limit > self.limit:
             self.limit, self.usual = limit, usual
 
+    def extend(self, share: float) -> None:
+        """Allow a `share` of the limit beyond what has been used."""
+        self.limit = max(self.limit, self.used + share * self.limit)
+
     def beyond(self, share: float = 1.0) -> bool:
         """Return whether more than `share` of the limit has been used, which ends a part of the search."""
         self.ended |= self.used > share * self.limit
@@ -320,6 +324,10 @@ class Problem:
     def sigmas(self) -> float:
         """Number of standard deviations kept clear: 0, because all states are known exactly."""
         return 0.0
+
+    def with_errors(self, contacts: Contacts) -> Any:
+        """Return the mask (K,) of contacts at which standard deviations are kept clear: none."""
+        return np.zeros(contacts.number, dtype=bool)
 
     def depth(self, ratio: float) -> str:
         """Return the clearance ratio at an end as text."""

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, finite, number, numbers
-from closeform.planning.requirements.requirement import Requirement
+from closeform.planning.requirements.requirement import StateRequirement
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ApproachCone(Requirement):
+class ApproachCone(StateRequirement):
     """Approach corridor: a cone that opens along an axis, or with half-angle 0 a cylinder.
 
     Parameters

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, finite, instance, numbers
-from closeform.planning.requirements.requirement import Requirement
+from closeform.planning.requirements.requirement import StateRequirement
 from closeform.zones.zone import Zone, gradient
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KeepIn(Requirement):
+class KeepIn(StateRequirement):
     """Keep-in zone; with `start` equal to `end` it is a waypoint, and the zone its tolerance.
 
     Parameters

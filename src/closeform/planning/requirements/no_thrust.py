@@ -10,10 +10,11 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, PUSH, START
 from closeform.motion.path import Path
+from closeform.planning.requirements.requirement import Requirement
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoThrust:
+class NoThrust(Requirement):
     """Time between `start` and `end` [s] in which a spacecraft does not fire.
 
     Parameters

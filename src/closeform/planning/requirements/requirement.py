@@ -1,6 +1,7 @@
-"""Requirements on the states of one spacecraft: convex sets that its path must not leave.
+"""Requirements on the path of one spacecraft: on its firings, or on its states.
 
-A requirement has a margin m(x), a concave function of the state x that is negative outside of its set.  So
+A `Requirement` may forbid firing times.  A `StateRequirement` is a convex set of states that the path must
+not leave.  It has a margin m(x), a concave function of the state x that is negative outside of its set.  So
 the plane of its slope at any state holds in the whole set:
 
     m(x) <= m(x_0) + s(x_0) . (x - x_0)        hence s(x_0) . x >= s(x_0) . x_0 - m(x_0) is required
@@ -12,7 +13,8 @@ A path is certified between states h apart.  It differs from their chord by at m
 acceleration, and its velocity by h^2/8 of its largest jerk.  On the chord the margin is at least the smaller
 one of the two ends.
 
-To add a requirement, derive a class with `_margin` and `_slope` in a file of its own.
+To add a requirement, derive a class in a file of its own: from `StateRequirement` with `_margin` and
+`_slope`, or from `Requirement` with `holds` and `_forbids`.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ SMALLEST = 1e-10  # of a path's time: intervals are not cut further
 
 @dataclass(frozen=True, kw_only=True)
 class Requirement(ABC):
-    """Condition on the state of one spacecraft, from a `start` to an `end` [s], by default always.
+    """Condition on the path of one spacecraft, from a `start` to an `end` [s], by default always.
 
     `reserve` [m or m/s] is the margin that is planned, so that rounding does not leave the set.
     """
@@ -47,6 +49,31 @@ class Requirement(ABC):
 
     unit = "m"  # of the margin
     reserve = 1e-4
+
+    @abstractmethod
+    def holds(self, path: Path) -> bool:
+        """Return whether a path keeps the requirement."""
+
+    def _forbids(self, begins: Floats, ends: Floats) -> Any:
+        """Return whether firings (...) from `begins` to `ends` [s] break the requirement: none does."""
+        return np.zeros(np.shape(begins), dtype=bool)
+
+    def _margin(self, states: Floats) -> Floats:
+        """Return margins (...) of states (..., 6), negative outside: inf, because any state is allowed."""
+        return np.full(states.shape[:-1], inf)
+
+    def _slope(self, state: Floats) -> Floats:
+        """Return the slope (6,) of the margin at a state (6,)."""
+        return np.zeros(6)
+
+    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
+        """Return the least margin of a path, and times (K,) and states (K, 6) of shortfalls: none."""
+        return inf, np.empty(0), np.empty((0, 6))
+
+
+class StateRequirement(Requirement):
+    """Convex set of states that the path must not leave."""
+
     per_metre, per_speed = 1.0, 0.0  # bounds on the slopes of the margin, in position and in velocity
 
     @abstractmethod

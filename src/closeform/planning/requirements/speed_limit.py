@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, finite, number, numbers
-from closeform.planning.requirements.requirement import Requirement
+from closeform.planning.requirements.requirement import StateRequirement
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpeedLimit(Requirement):
+class SpeedLimit(StateRequirement):
     """Limit of the speed in the rotating frame: `limit`, plus `rate` times the distance along an axis.
 
     Parameters

@@ -101,14 +101,24 @@ class SigmaProblem(Problem):
         return f"{ratio:.2f} x zone and {self.sigmas:g} sigmas (ends allow {least:.3g})"
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
-        """Return conflicts with zones and sigmas enlarged by `factor`; the ratio is the gauge."""
+        """Return conflicts with zones and sigmas enlarged by `factor`; the ratio is the gauge.
+
+        After the last arrival, they are conflicts with the zones alone.
+        """
         zones = [Zone(zone.shape, zone.matrix / factor, zone.faces) for zone in self.zones]
-        search = search_of(self.spread(flown), zones, self.orbit.mean_motion, factor * self.sigmas)
+        spread = self.spread(flown if self.drift is None else until(flown, self.arrival))
+        search = search_of(spread, zones, self.orbit.mean_motion, factor * self.sigmas)
         found = []
         for zone, pairs in zip(zones, self.pairs_by_kind, strict=True):
             for (i, j), row in zip(*search(zone, *pairs), strict=True):
                 found.append(((int(i), int(j)), row))
-        return found
+        if self.drift is None:
+            return found
+        return found + [one for one in super().conflicts(flown, factor) if one[1][2] > self.arrival]
+
+    def with_errors(self, contacts: Contacts) -> Any:
+        """Return the mask (K,) of contacts at which the sigmas count: before a loss of thrust and arrival."""
+        return ~contacts.drifts.any(axis=1) & (contacts.times <= self.arrival)
 
     def spread(self, flown: Flown) -> PropagatedErrors:
         """Return the errors of all bodies along their paths."""
@@ -119,11 +129,11 @@ class SigmaProblem(Problem):
         return self.relative(self.spread(flown) if self.moves else self.fixed, contacts)
 
     def relative(self, spread: PropagatedErrors, contacts: Contacts) -> Floats:
-        """Return relative covariances (K, 3, 3) [m^2] at contacts for the given errors."""
+        """Return relative covariances (K, 3, 3) [m^2] at contacts, 0 where errors do not count."""
         arcs, offsets, rows, execution = spread
-        total = np.zeros((contacts.number, 3, 3))
-        pairs = self.pairs[contacts.which]
-        for body in np.unique(pairs):
+        total, counts = np.zeros((contacts.number, 3, 3)), self.with_errors(contacts)
+        pairs = np.where(counts[:, None], self.pairs[contacts.which], -1)
+        for body in np.unique(pairs[counts]):
             if self.kept.errors[body] is None:
                 continue
             those = np.flatnonzero((pairs == body).any(axis=1))
@@ -167,9 +177,13 @@ class SigmaProblem(Problem):
 
     def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
         """Return the normals of contacts at their pairs, divided by the extents of zone and sigmas."""
-        sizes, planes = self.gauges(flown, contacts, self.sigmas)
-        keep = (sizes <= least) | ~planes.any(axis=1)
-        return np.where(keep[:, None], contacts.normals, planes)
+        counts, normals = self.with_errors(contacts), contacts.normals.copy()
+        sizes, planes = self.gauges(flown, contacts.some(counts), self.sigmas)
+        turned = (sizes > least) & planes.any(axis=1)
+        normals[np.flatnonzero(counts)[turned]] = planes[turned]
+        if not counts.all():
+            normals[~counts] = super().normals(flown, contacts.some(~counts), least)
+        return normals
 
     def sides(self, flown: Flown, contacts: Contacts, directions: Floats) -> Contacts:
         """Return contacts with planes perpendicular to directions (K, 3) in the rotating frame."""
@@ -212,6 +226,16 @@ class SigmaProblem(Problem):
         pairs = np.ascontiguousarray(self.pairs[contacts.which])
         other = {"pairs": pairs, "kinds": np.arange(len(zones)), "zones": tuple(zones)}
         return Problem(**{**fields_of(self), **other})
+
+
+def until(flown: Flown, end: float) -> Flown:
+    """Return the paths of bodies up to a time; one that begins later keeps its first arc."""
+    arcs, offsets = flown
+    kept = arcs[:, START] < end
+    cut = arcs[kept | np.isin(np.arange(len(arcs)), offsets[:-1])]
+    cut[:, END] = np.where(cut[:, START] < end, np.minimum(cut[:, END], end), cut[:, END])
+    kept[offsets[:-1]] = True
+    return cut, np.concatenate([[0], np.cumsum(kept)])[offsets]
 
 
 def rotation_between(one: Floats, other: Floats) -> Floats:

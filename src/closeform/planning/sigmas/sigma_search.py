@@ -1,13 +1,13 @@
 """Plans at k sigma: rounds of the exact planes of zone and sigmas, from the sides of ordinary plans.
 
-A round solves the program of the known planes, propagates all craft, and finds all conflicts with a slightly
-larger sum of zone and sigmas.  The sum's supporting plane at each closest approach is the next plane.  Active
-planes are turned to their pairs' positions.  The sum is convex, so that clear paths stay clear when the
-planes turn, and their cost decreases.                                                          # theory (56)
+A round (`loop.Rounds`) solves the program of the known planes and finds all conflicts with a slightly larger
+sum of zone and sigmas.  The sum's supporting plane at each closest approach is the next plane.  Active planes
+are turned to their pairs' positions.                                                           # theory (56)
 """
 
 from collections.abc import Iterator
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,23 +16,38 @@ from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.local_solver import AHEAD, Solution
 from closeform.planning.energy.plane_program import press_in
 from closeform.planning.energy.side_search import FEW, Found, Search
+from closeform.planning.loop import Round, Rounds, run
 from closeform.planning.problem.problem import Flown, PairRow, Problem
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.sigmas.sigma_problem import SigmaProblem
 
 ONE, MANY, MORE = 8, 4, 3  # starts for one craft and for many; factor with `more`
 ENLARGED = 4  # maximum starts from the search with zones enlarged by the sigmas
-ROUNDS, RAISES = 60, 8
+ROUNDS = 60  # until the first clear paths
 NEAR = 1.02  # of zone and sigmas: closer pairs get a plane
 SAME = 1e-4  # of a pair's window: closer planes are merged
 HARD = 1e-9  # softness of planes
-SETTLED, SHORT = 1e-7, 1e-6  # relative change of energy, and shortfall, at which rounds end
+SETTLED = 1e-7  # of the energy: change at which rounds end
+SHORT = 1e-6  # shortfall below which paths are certified
 GIVEN_UP, FIRST = 1.3, 6  # times the bar, after FIRST rounds
-ROUNDING = 1e-9  # minimum raise of planes
+ROUNDING = 1e-9  # minimum shortfall of paths that are not certified
+
+
+class Pressed(NamedTuple):
+    """Paths of minimum energy for planes, the active ones, and approaches to zones with sigmas."""
+
+    cost: float
+    clear: bool
+    worst: float
+    pressing: Contacts
+    flown: Flown
+    near: list[PairRow]
 
 
 class SigmaSearch:
-    """Search among starts for plans at k sigma."""
+    """Search among starts for plans at k sigma; the task of the loop for its cost and requirement."""
+
+    least = 1.0  # distance of planes, in zones with sigmas
 
     def __init__(self, problem: SigmaProblem, margin: float, budget: int | None, more: bool) -> None:
         self.problem = problem
@@ -101,36 +116,29 @@ class SigmaSearch:
 
     def solve(self, planes: Contacts, bar: float) -> Solution:
         """Return the certified solution from a start; stop well above the energy `bar`."""
-        before = inf
-        for turn in range(ROUNDS):
-            energy, flown = self.pressed(planes, 1.0)
-            if energy == inf or (turn >= FIRST and energy > GIVEN_UP * bar):
-                break
-            pressing = planes.some(planes.multipliers > 0.0)
-            near = self.problem.conflicts(flown, NEAR)
-            short = 1.0 - NEAR * min((row[3] for _, row in near), default=1.0)
-            if short < SHORT and abs(energy - before) <= SETTLED * energy:
-                return self.raised(pressing, flown)
-            before, planes = energy, self.following(flown, pressing, near)
-        else:
-            return self.raised(pressing, flown)
-        return Solution(self.problem, planes, inf, False, False)
 
-    def raised(self, planes: Contacts, flown: Flown) -> Solution:
-        """Return the solution with planes raised by the shortfall until the march finds no conflict."""
-        lift = 1.0
-        for _ in range(RAISES):
-            lift += ROUNDING
-            energy, flown = self.pressed(planes, lift)
-            if energy == inf:
-                break
-            missed = self.problem.conflicts(flown)
-            kept = planes.some(planes.multipliers > 0.0)
-            if not missed:
-                return Solution(self.problem, kept, energy, True, False)
-            lift += 1.5 * (1.0 - min(row[3] for _, row in missed))
-            planes = self.following(flown, planes, missed)
-        return Solution(self.problem, planes, inf, False, False)
+        def most(state: Round[Pressed, Contacts]) -> float:
+            return GIVEN_UP * bar if state.turn >= FIRST else inf
+
+        found: Pressed | None = run(Rounds(self, most, ROUNDS, settled=SETTLED, nearly=1.0 - SHORT), planes)
+        if found is None:
+            return Solution(self.problem, planes, inf, False, False)
+        return Solution(self.problem, found.pressing, found.cost, True, False)
+
+    def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Pressed | None:
+        """Return the paths of minimum energy that satisfy planes; None above `bar` or without any."""
+        energy, flown = self.pressed(planes, aim)
+        if energy > bar or energy == inf:
+            return None
+        near = self.problem.conflicts(flown, NEAR)
+        worst = min(1.0, *(NEAR * row[3] for _, row in near), inf)
+        clear = worst > 1.0 - SHORT and not self.problem.conflicts(flown)
+        kept = planes.some(planes.multipliers > 0.0)
+        return Pressed(energy, clear, 1.0 if clear else min(worst, 1.0 - ROUNDING), kept, flown, near)
+
+    def relinearise(self, found: Pressed) -> Contacts:
+        """Return the planes of the next round."""
+        return self.following(found.flown, found.pressing, found.near)
 
     def pressed(self, planes: Contacts, lift: float) -> tuple[float, Flown]:
         """Fill the planes' multipliers; return their energy and all paths."""

@@ -1,0 +1,320 @@
+"""The loop of planning: minimise a cost subject to planes, and place the planes at the minimum anew.
+
+A plan minimises a cost subject to requirements.  Requirements produce supporting planes: a pair of craft or
+one craft, a time, the instant of a loss of thrust or none, a normal and an offset.  A program of planes is
+convex and is solved exactly.
+
+    program = planes of a start
+    until settled:
+        candidate = task.minimise(program)        # paths, cost, multipliers, bound, and violations
+        program = task.relinearise(candidate)     # planes turned to the paths, and planes of the violations
+
+A task is a cost with its requirements.  A method is a state machine that leads a task from a start to clear
+paths: `init` begins, `step` does a round, `done` ends the loop of `run`.  There are three:
+
+    Rounds      whole steps from any planes to the cheapest clear paths near them
+    Approach    short steps from nearly clear paths to clear ones
+    Descent     steps from clear paths to cheaper ones, all of them clear
+
+From a problem to a plan:
+
+1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
+2. `planner.planned` keeps clear paths, or calls `minimum_energy.solve` or `delta_v_search.solve_impulses`.
+3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `sigmas/sigma_search`) proposes starts:
+   planes on different sides of the zones.  A method above leads from each start to clear paths; the cheapest
+   are kept.
+4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/delta_v_proof` bound the cost of all clear
+   plans.
+
+The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:
+
+                    zones            k sigma          loss of thrust    states, firing times
+    energy          `energy/`        SigmaSearch
+                    SafeTask         SafeTask         SafeTask          refused
+    impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver
+    burns           BurnSolver       BurnSolver       BurnSolver        BurnSolver
+    pulses          PulseSolver      PulseSolver      PulseSolver       PulseSolver
+
+`energy/` is compiled for plain zones and does not use this loop.  Pulses are planned near safe impulses only
+where thrust may be lost.
+
+To add a cost, write a task: `minimise` and `relinearise`, and for short steps the rest of `SteppingTask`.  To
+add a requirement on one craft, derive a class in `requirements/`; every task of delta-v then keeps it.  To
+add one on pairs, override `conflicts` and `normals` of `Problem`, as `sigmas.sigma_problem` does.  A conflict
+is a violation.  A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+ROUNDS = 30  # maximum rounds after clear paths were found; fewer leave up to a per cent of the cost
+NEARLY = 0.99  # norm above which planes are moved out by the shortfall: below it they still turn
+PATIENCE = 3  # clear rounds without a lower cost that end the rounds
+SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
+HALF = 0.5  # maximum share of the way in a short step
+SHARES = 0.5, 0.25, 0.125  # of the way to the minimum of planes; a shorter step gains too little
+GAINED = 1e-4  # of the cost: minimum saving for another step down
+DESCENTS, APPROACHES = 20, 12  # maximum steps to cheaper paths, and to clear ones
+CUTS, CROWDED = 8, 250  # maximum rounds of a step down that add planes, and maximum planes
+CLOSER, STUCK = 1e-3, 3  # rise of the clearance ratio, and the steps without one that end an approach
+LIFTS = 0.0, 1e-3, 1e-2  # distances in zones by which planes are moved out for a step to clear paths
+
+
+class Candidate(Protocol):
+    """Paths that satisfy planes, and their violations of the requirements."""
+
+    @property
+    def cost(self) -> float:
+        """Minimised cost of the paths."""
+
+    @property
+    def clear(self) -> bool:
+        """True if the paths keep all requirements, by proof."""
+
+    @property
+    def worst(self) -> float:
+        """Smallest clearance ratio, at most 1."""
+
+
+C = TypeVar("C", bound=Candidate)
+P = TypeVar("P")  # program: planes, and where a cost has them, firing times
+
+
+class Task(Protocol[C, P]):
+    """Cost with its requirements."""
+
+    @property
+    def least(self) -> float:
+        """Minimum distance of planes, in zones."""
+
+    def minimise(self, program: P, accuracy: float, aim: float, bar: float) -> C | None:
+        """Return the minimum for planes at distance `aim` [zones]; None above `bar` or without any."""
+
+    def relinearise(self, candidate: C) -> P:
+        """Return the program of the next round: planes turned to the paths, and those of violations."""
+
+
+class SteppingTask(Task[C, P], Protocol[C, P]):
+    """Task whose paths can be blended, for short steps."""
+
+    def crowd(self, program: P) -> int:
+        """Return the number of planes of a program."""
+
+    def supported(self, clear: C, found: C) -> P:
+        """Return the program of `found`, with planes at its violations that `clear` paths keep."""
+
+    def displacement(self, one: C, other: C) -> float:
+        """Return the largest displacement of a pair from one candidate to another, in zones."""
+
+    def part_way(self, one: C, other: C, share: float) -> C:
+        """Return paths a share of the way from one candidate to another, simplified."""
+
+    def blend(self, one: C, other: C, share: float) -> C:
+        """Return paths a share of the way from one candidate to another, exactly."""
+
+    def arrives(self, candidate: C) -> bool:
+        """Return whether paths reach their final states."""
+
+    def exhausted(self) -> bool:
+        """Return whether the search has used its effort."""
+
+
+def run(method: Any, start: Any) -> Any:
+    """Return the best candidate of a method from a start; None without any."""
+    state = method.init(start)
+    while not method.done(state):
+        state = method.step(state)
+    return state.best
+
+
+def moved_out(aim: float, least: float, found: Candidate, nearly: float = NEARLY) -> float:
+    """Return the distance of planes in the next round: by the shortfall farther, or half-way back."""
+    if found.worst <= nearly:
+        return aim
+    return 0.5 * (aim + least) if found.clear else aim + 1.0 - found.worst
+
+
+class Round(NamedTuple, Generic[C, P]):
+    """State of `Rounds`: the next program, its planes' distance and accuracy, and the results so far."""
+
+    program: P
+    aim: float
+    accuracy: float
+    found: C | None = None  # of the last round
+    best: C | None = None
+    idle: int = 0
+    last: float = inf  # accuracy of the round before
+    turn: int = 0
+    over: bool = False
+
+
+@dataclass(frozen=True)
+class Rounds(Generic[C, P]):
+    """Whole steps from any planes to the cheapest clear paths near them.
+
+    Paths that are clear stay clear when the planes turn, and their cost decreases.  Accuracies of the
+    programs go from `rough` to `fine`; only then are planes moved out.  With a `stride`, a round that is not
+    clear goes only so far that no pair moves by more than `stride` zones.
+    """
+
+    task: Any  # Task[C, P], with a stride SteppingTask[C, P]
+    bar: Callable[[Round[C, P]], float]  # cost above which a round ends the search
+    most: int = ROUNDS  # maximum rounds until there are clear paths
+    stride: float = inf
+    rough: float = 0.0
+    fine: float = 0.0
+    finer: float = 0.0  # factor from round to round
+    settled: float = SETTLED
+    patience: int = PATIENCE
+    nearly: float = NEARLY
+    aim: float = 0.0  # first distance of the planes, if it is not the least
+    steady: bool = False  # keep this distance
+    first: bool = False  # end with the first clear paths
+    then: int = ROUNDS  # maximum rounds in all once there are clear paths
+    relinearise: Callable[[C], P] | None = None  # other than the task's
+
+    def init(self, program: P) -> Round[C, P]:
+        """Return the state before the first round."""
+        return Round(program, self.aim or self.task.least, self.rough)
+
+    def done(self, state: Round[C, P]) -> bool:
+        """Return whether the rounds have settled, failed or reached their number."""
+        return state.over or state.turn >= (self.most if state.best is None else min(self.most, self.then))
+
+    def step(self, state: Round[C, P]) -> Round[C, P]:
+        """Return the state after a round."""
+        found = self.task.minimise(state.program, state.accuracy, state.aim, self.bar(state))
+        if found is None:
+            return state._replace(over=True)
+        aim = state.aim
+        if state.accuracy == self.fine and not self.steady:
+            aim = moved_out(aim, self.task.least, found, self.nearly)
+        if self.stride < inf and state.found is not None and not found.clear:
+            far = self.task.displacement(state.found, found)
+            share = HALF if HALF * far <= self.stride else self.stride / far
+            found = self.task.part_way(state.found, found, share)
+        best, idle, over = self.judge(state, found)
+        if over:
+            return state._replace(best=best, over=True)
+        program = (self.relinearise or self.task.relinearise)(found)
+        accuracy = max(self.fine, self.finer * state.accuracy)
+        return Round(program, aim, accuracy, found, best, idle, state.accuracy, state.turn + 1)
+
+    def judge(self, state: Round[C, P], found: C) -> tuple[C | None, int, bool]:
+        """Return the best paths so far, the clear rounds without a lower cost, and if rounds are over."""
+        if not found.clear:
+            return state.best, state.idle, False
+        gained = inf if state.best is None else state.best.cost - found.cost
+        idle = 0 if gained > self.settled * found.cost else state.idle + 1
+        level = abs(gained) < self.settled * found.cost or idle == self.patience
+        over = self.first or (level and state.last == self.fine)
+        return found if gained > 0.0 else state.best, idle, over
+
+
+class Step(NamedTuple, Generic[C]):
+    """State of `Descent` and `Approach`: the paths so far, and the number of steps."""
+
+    best: C | None
+    gained: float = inf  # by the last step
+    turn: int = 0
+    over: bool = False
+    worst: float = 0.0  # largest clearance ratio of all steps of an approach
+    nearest: int = 0  # step that reached it
+
+
+@dataclass(frozen=True)
+class Descent(Generic[C, P]):
+    """Steps from clear paths to cheaper ones, all of them clear.
+
+    The planes are those of the clear paths, which satisfy them.  Paths part of the way to the minimum of
+    these planes satisfy them as well, cost less, and are clear as far as the planes represent all nearby
+    violations.
+    """
+
+    task: Any  # SteppingTask[C, P]
+    program: Callable[[C], P]  # planes of clear paths, and the firing times of a step
+    accuracy: float
+    shares: tuple[float, ...] = SHARES
+
+    def init(self, clear: C) -> Step[C]:
+        """Return the state before the first step."""
+        return Step(clear)
+
+    def done(self, state: Step[C]) -> bool:
+        """Return whether no step leads to hardly cheaper paths, or the effort is used."""
+        assert state.best is not None
+        level = state.gained < GAINED * state.best.cost
+        return state.over or level or state.turn == DESCENTS or self.task.exhausted()
+
+    def step(self, state: Step[C]) -> Step[C]:
+        """Return the state after a step."""
+        assert state.best is not None
+        better = self.below(state.best)
+        if better is None:
+            return state._replace(over=True)
+        return Step(better, state.best.cost - better.cost, state.turn + 1)
+
+    def below(self, here: C) -> C | None:
+        """Return clear paths that cost less than clear ones; None without any."""
+        program, aim, least = self.program(here), self.task.least, None
+        for _ in range(CUTS):
+            if self.task.crowd(program) > CROWDED:
+                break
+            found = self.task.minimise(program, self.accuracy, aim, (1.0 - SETTLED) * here.cost)
+            if found is None or found.clear:
+                least = found or least
+                break
+            aim = moved_out(aim, self.task.least, found)
+            least, program = found, self.task.supported(here, found)
+        if least is None or least.clear:
+            return least
+        parts = (self.task.blend(here, least, share) for share in self.shares)
+        return next((part for part in parts if part.clear and part.cost < here.cost), None)
+
+
+@dataclass(frozen=True)
+class Approach(Generic[C, P]):
+    """Short steps from nearly clear paths to clear ones that reach their final states."""
+
+    task: Any  # SteppingTask[C, P]
+    program: Callable[[C], P]
+    accuracy: float
+
+    def init(self, near: C) -> Step[C]:
+        """Return the state before the first step."""
+        return Step(near)
+
+    def done(self, state: Step[C]) -> bool:
+        """Return whether paths are clear, or there are none."""
+        # pulses that are left when others are omitted may be clear only because they lead elsewhere
+        return state.best is None or (state.best.clear and bool(self.task.arrives(state.best)))
+
+    def step(self, state: Step[C]) -> Step[C]:
+        """Return the state after a step to clear paths, or to those nearest to them."""
+        stuck = state.turn - state.nearest > STUCK
+        if stuck or state.turn == APPROACHES - 1 or self.task.exhausted():
+            return Step(None)
+        assert state.best is not None
+        there, turn = self.nearer(state.best), state.turn + 1
+        if there is None or there.worst < state.worst + CLOSER:
+            return Step(there, turn=turn, worst=state.worst, nearest=state.nearest)
+        return Step(there, turn=turn, worst=there.worst, nearest=turn)
+
+    def nearer(self, here: C) -> C | None:
+        """Return paths that are clear or nearest to it, also with planes farther out; None without any."""
+        program, best = self.program(here), None
+        for lift in LIFTS:
+            found = self.task.minimise(program, self.accuracy, self.task.least + lift, inf)
+            if found is None:
+                break
+            for share in (1.0, *SHARES):
+                part: C = found if share == 1.0 else self.task.part_way(here, found, share)
+                if part.clear:
+                    return part
+                if best is None or part.worst > best.worst:
+                    best = part
+        return best
