@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from os import PathLike
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -15,10 +14,10 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, draw
-from closeform.plots.drawing.inputs import crafts, filmed
+from closeform.plots.drawing.inputs import File, Progress, Zones, crafts, picture
 from closeform.plots.drawing.pairs import Pairs, ratio_text
 from closeform.plots.drawing.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
 from closeform.plots.drawing.space import (
@@ -34,9 +33,7 @@ from closeform.plots.drawing.space import (
 from closeform.plots.drawing.style import clock, dress, headline, instants, sheet, wrapped
 from closeform.plots.drawing.text import SMALL, follow, plain, short_names
 from closeform.plots.paths import NAMED, carries
-from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import drawn, shadow
-from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 COLOURS = 128  # per animation; twice as many make the file 10 % larger without a visible gain
@@ -63,7 +60,7 @@ class Reel:
     moments: Sequence[tuple[float, int]]
     pixels: int
 
-    def frames(self, share: slice, progress: Callable[[int, int], object] | None = None) -> list[Image.Image]:
+    def frames(self, share: slice, progress: Progress = None) -> list[Image.Image]:
         """Return the frames of a slice of `moments` in one palette; the static background is drawn once."""
         self.figure.set_dpi(self.pixels / self.figure.get_figwidth())
         canvas = FigureCanvasAgg(self.figure)
@@ -92,7 +89,7 @@ class Reel:
                 progress(done, len(times[share]))
         return coded
 
-    def save(self, file: str | PathLike[str] | IO[bytes], frames: Sequence[Image.Image]) -> None:
+    def save(self, file: File, frames: Sequence[Image.Image]) -> None:
         """Write all frames as an animated GIF; `optimize` stores only the pixels that change."""
         stays = [stay for _, stay in self.moments]
         frames[0].save(
@@ -276,14 +273,15 @@ class FormationFilm:
         self.story.set_text(wrapped(self.figure, said))
 
 
+@picture
 def formation_animation(
     paths: Path | Sequence[Path],
-    file: str | PathLike[str] | IO[bytes],
+    file: File,
     names: Sequence[str] | None = None,
-    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    zone: Zones = None,
     *,
     frames: int = 100,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = None,
 ) -> None:
     """Write an animated GIF of a formation: every spacecraft with its trail.
 
@@ -294,28 +292,16 @@ def formation_animation(
 
     Parameters
     ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), such as the paths of a plan, or N paths.
-    file : str, path-like or file of bytes
-        Output file; an existing file is overwritten.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
-        own.
     frames : int, default 100
         Number of frames, at least 2, evenly spaced in time; one more at the closest approach, where the
         animation pauses.
-    progress : callable of int and int, optional
-        Function called with the number of finished frames and the total.
 
     Raises
     ------
     ValueError
-        If `frames` is below 2, the number of names is wrong, two zones cannot be combined for a pair, or an
-        argument has the wrong type.
+        If `frames` is below 2.
     """
-    filmed(file, frames, progress)
+    whole("frames", frames, 2)
     found = reel(paths, names, zone, frames=frames)
     found.save(file, found.frames(slice(None), progress))
 
@@ -323,7 +309,7 @@ def formation_animation(
 def reel(
     paths: Path | Sequence[Path],
     names: Sequence[str] | None = None,
-    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    zone: Zones = None,
     *,
     frames: int = 100,
 ) -> Reel:

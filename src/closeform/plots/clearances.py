@@ -14,7 +14,7 @@ from closeform.arrays import Floats, instance, number, sequence, shown, whole
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, series, styled, timeline
-from closeform.plots.drawing.inputs import crafts, one_craft, texts
+from closeform.plots.drawing.inputs import Zones, crafts, one_craft, picture, texts
 from closeform.plots.drawing.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
 from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, DIRECTIONS, INK, ZONE
 from closeform.plots.drawing.style import (
@@ -34,8 +34,6 @@ from closeform.plots.drawing.text import SMALL, short_names
 from closeform.safety.drift_approach import DriftApproach, drift_approach
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
-from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones
 from closeform.zones.shapes import CUBE
 from closeform.zones.solids import HalfSpaces
 from closeform.zones.zone import Zone
@@ -49,6 +47,7 @@ INSTANTS, SHARES = 480, 64  # failure times per curve, and fractions of an impul
 RESOLVED = 5.0  # times the largest minimum or the zone: upper limit of an axis that resolves minima
 
 
+@picture
 def ratios(
     before: Path,
     after: Path,
@@ -63,29 +62,14 @@ def ratios(
 
     Parameters
     ----------
-    before, after : Path
-        Paths of one spacecraft; the same path if nothing changed.
-    obstacles : Path or sequence of Path
-        Path of any shape, or a sequence of paths; at least one.
-    zone : Zone
-        Keep-out zone around each obstacle.
     names : sequence of str, optional
         Names of the obstacles.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, there is no obstacle, one shares no time with a path, the number of names is
-        wrong, or an argument has the wrong type.
+        If there is no obstacle, or one shares no time with a path.
     """
-    one_craft("before", before)
-    one_craft("after", after)
-    instance("zone", zone, Zone)
     others = crafts("obstacles", obstacles)
     if not others:
         raise ValueError("obstacles: give at least one path")
@@ -119,9 +103,10 @@ def ratios(
     return series(said, [Panel(RATIO, curves, 1.0, most=most)], ticks, start, end, height=5.9)
 
 
+@picture
 def closest_pairs(
     paths: Path | Sequence[Path],
-    zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
+    zones: Zones,
     names: Sequence[str] | None = None,
     count: int = 4,
 ) -> Figure:
@@ -133,26 +118,14 @@ def closest_pairs(
 
     Parameters
     ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), or N paths.
-    zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
-        own.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
     count : int, default 4
         Maximum number of pairs shown.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are fewer than two spacecraft, the number of names is wrong, `count` is below 1, no pair has
-        a zone and a common time, or an argument has the wrong type.
+        If there are fewer than two spacecraft, no pair has a zone and a common time, or `count` is below
+        1.
     """
     pairs, called = asked_pairs(paths, zones, names)
     whole("count", count, 1)
@@ -217,6 +190,7 @@ class Deviations:
         return np.where(np.isfinite(found), found, np.nan)
 
 
+@picture
 def sigmas(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -243,16 +217,11 @@ def sigmas(
     names : sequence of str, optional
         Names of the pairs.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If the numbers of paths, zones, errors or names differ, two paths share no time, no error of any size
-        causes a conflict, `asked` is not above 0, or an argument has the wrong type.
+        If the numbers of paths, zones, errors or names differ, two paths share no time, no error of any
+        size causes a conflict, or `asked` is not above 0.
     """
     firsts, seconds = crafts("path", path), crafts("other", other)
     if not firsts or len(firsts) != len(seconds):
@@ -351,6 +320,7 @@ def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
     return every[order], np.concatenate(states)[order]
 
 
+@picture
 def drift_ratios(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -373,23 +343,16 @@ def drift_ratios(
         Paths of the other spacecraft, up to the end of the drift.
     zone : Zone or sequence of Zone
         One zone for each pair, or one for all.
-    until : float [s]
-        End of the drift, as in `drift_approach`.
     labels : sequence of str, optional
         Label of each pair.
     before : tuple of (Path, Path, Zone), optional
         Pair on its direct paths, without passive safety, and its zone; drawn dashed.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If the number of others, zones or labels differs from that of paths, `before` has the wrong type, or
-        under the same conditions as `drift_approach`.
+        If the number of others, zones or labels differs from that of paths, or under the same conditions
+        as in `drift_approach`.
     """
     fail, fly = crafts("path", path), crafts("other", other)
     zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
@@ -453,6 +416,7 @@ def passive_safety(found: Sequence[Failed]) -> str:
     return f"Not passively safe {spans}: {precise(worst.worst.ratio)} × zone{often}"
 
 
+@picture
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
 
@@ -464,27 +428,16 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     ----------
     path, other : Path
         Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
-    zone : Zone
-        Keep-out zone around the other spacecraft.
-    names : sequence of str, optional
-        Names of the two spacecraft.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, orbits differ, there is no common time, the number of names is not two, or an
-        argument has the wrong type.
+        If orbits differ or there is no common time.
 
     References
     ----------
     SP11 (Sauter and Palmer 2011) figure 1.
     """
-    instance("zone", zone, Zone)
     start, end = common_time(path, other)
     one, two = short_names(names, 2)
     conflicts, ticks = find_conflicts(path, other, zone), clock(path, start, end)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, pi
-from os import PathLike
-from typing import IO, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -18,11 +17,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from closeform.arrays import Floats, instance, number
+from closeform.arrays import Floats, instance, number, whole
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.plots.animations import NARROW, PLAY, WIDE, Reel
-from closeform.plots.drawing.inputs import filmed
+from closeform.plots.drawing.inputs import File, Progress, picture
 from closeform.plots.drawing.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
 from closeform.plots.drawing.space import (
     GROUP_COLOURS,
@@ -433,6 +432,7 @@ class ThreeViews:
         return handles
 
 
+@picture
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
@@ -446,31 +446,20 @@ def three_views(
 
     Parameters
     ----------
-    gathering : Gathering
-        Gathering to draw.
     time : float [s]
         Time from the start of the search, up to the duration of the gathering.
     craft : int, default 0
         Index of the spacecraft in the close-up.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If `time` is outside the gathering, there is no such spacecraft, the number of names is wrong, or
-        an argument has the wrong type.
+        If `time` is outside the gathering, or there is no such spacecraft.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
-    instance("gathering", gathering, Gathering)
     if not 0.0 <= number("time", time) <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
     views = ThreeViews(gathering, craft, names)
@@ -478,44 +467,36 @@ def three_views(
     return views.figure
 
 
+@picture
 def animation(
     gathering: Gathering,
-    file: str | PathLike[str] | IO[bytes],
+    file: File,
     craft: int = 0,
     names: Sequence[str] | None = None,
     *,
     frames: int = 150,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = None,
 ) -> None:
     """Write an animated GIF of a gathering in three views, as in the simulation of H03.
 
     Parameters
     ----------
-    gathering : Gathering
-        Gathering to draw.
-    file : str, path-like or file of bytes
-        Output file; an existing file is overwritten.
     craft : int, default 0
         Index of the spacecraft in the close-up, as in `three_views`.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
     frames : int, default 150
         Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
         pauses, as it does at the end.
-    progress : callable of int and int, optional
-        Function called with the number of finished frames and the total.
 
     Raises
     ------
     ValueError
-        If `frames` is below 2, there is no such spacecraft, the number of names is wrong, or an argument
-        has the wrong type.
+        If `frames` is below 2, or there is no such spacecraft.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
-    filmed(file, frames, progress)
+    whole("frames", frames, 2)
     found = reel(gathering, craft, names, frames=frames)
     found.save(file, found.frames(slice(None), progress))
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
-from closeform.plots.drawing.inputs import one_craft
+from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
 from closeform.plots.drawing.style import (
     DASHED,
@@ -42,6 +42,7 @@ ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and ove
 FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
+@picture
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     """Plot a histogram of values, and the cumulative share of cases up to each value.
 
@@ -57,16 +58,10 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     tail : float, no unit, default 0.95
         Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If `values` has another shape, is infinite or all nan, `tail` is not between 0 and 1, or an argument
-        has the wrong type.
+        If `values` has another shape, is infinite or all nan, or `tail` is not between 0 and 1.
 
     References
     ----------
@@ -106,6 +101,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     return figure
 
 
+@picture
 def histogram(
     times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
 ) -> Figure:
@@ -127,22 +123,15 @@ def histogram(
     what : str, default "pairs lock"
         Plural noun and verb of the event, such as "formations gather" for the durations of `gather_cases`.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If `times` has another shape or lies outside the search, `bin` is not positive and finite, or an
-        argument has the wrong type.
+        If `times` has another shape or lies outside the search, or `bin` is not positive and finite.
 
     References
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
     """
-    instance("search", search, Search, type(None))
     instance("what", what, str)
     given = numbers("times", times)
     if given.ndim != 1:
@@ -205,6 +194,7 @@ def spaced(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
+@picture
 def sweep(
     values: ArrayLike,
     share: ArrayLike,
@@ -230,15 +220,10 @@ def sweep(
     names : sequence of str, default one without a name
         Names of the K lines.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If shapes are wrong, a number is not finite, or an argument has the wrong type.
+        If shapes are wrong, or a number is not finite.
 
     References
     ----------
@@ -276,6 +261,7 @@ def sweep(
     return figure
 
 
+@picture
 def collision(
     found: Probability, path: Path | None = None, limit: float | None = None, what: str = ""
 ) -> Figure:
@@ -298,20 +284,13 @@ def collision(
     what : str, default ""
         Name of the pair, placed at the start of the headline.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If `found` has no rate because of its method or because there are no entries, the path is a batch,
-        `limit` is not a probability above 0, or an argument has the wrong type.
+        If `found` has no rate because of its method or because there are no entries, or `limit` is not a
+        probability above 0.
     """
     instance("found", found, Probability)
-    if path is not None:
-        one_craft("path", path)
     instance("what", what, str)
     if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
         raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")

@@ -22,7 +22,7 @@ from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, name_rows, series
-from closeform.plots.drawing.inputs import crafts, texts
+from closeform.plots.drawing.inputs import crafts, picture, texts
 from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
@@ -67,6 +67,7 @@ OPPOSITE = 1e-9  # largest component of the sum of two opposite directions
 IDLE = 1e-6  # of the largest delta-v of a thruster; smaller values count as zero
 
 
+@picture
 def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | None = None) -> Figure:
     """Plot the magnitude and the components of the thrust of up to three paths against time.
 
@@ -81,16 +82,11 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
     mass : float [kg], optional
         Mass of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If there are more than three paths or none, the number of labels is wrong, `mass` is not positive and
-        finite, or an argument has the wrong type.
+        If there are more than three paths or none, the number of labels is wrong, or `mass` is not
+        positive and finite.
     """
     if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
@@ -159,6 +155,7 @@ def stems(panels: list[Axes], single_paths: list[Path], ticks: Clock, greatest: 
         right.spines["right"].set(visible=True, color=OTHER)
 
 
+@picture
 def formation_thrust(
     paths: Path | Sequence[Path],
     names: Sequence[str] | None = None,
@@ -173,10 +170,6 @@ def formation_thrust(
 
     Parameters
     ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), or N paths.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
     limits : array_like of shape (N,) [m/s^2], optional
         Maximum thrust accelerations; nan or inf for no limit. If they differ, a second panel shows the share
         of its own limit that each spacecraft uses.
@@ -185,16 +178,10 @@ def formation_thrust(
     on_off : array_like of bool of shape () or (N,), default False
         True for spacecraft whose limit is the thrust of one on-off thruster.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If the number of names, limits, masses or on_off is wrong, masses are not positive, or an argument
-        has the wrong type.
+        If the number of limits, masses or on_off is wrong, or masses are not positive.
     """
     single_paths = crafts("paths", paths)
     called, count = short_names(names, len(single_paths)), len(single_paths)
@@ -294,6 +281,7 @@ def vector(name: str, given: ArrayLike, count: int) -> Floats:
     return values
 
 
+@picture
 def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | None = None) -> Figure:
     """Plot the burns of each spacecraft: a row per spacecraft, a bar per burn, scaled to its delta-v.
 
@@ -304,18 +292,11 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     ----------
     paths : Path, sequence of Path, or ThrusterFiring
         Path of shape (N,), up to 60 paths, or a `ThrusterFiring`, whose pulses are shown.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are more than 60 paths, the number of names is wrong, or an argument has the wrong type.
+        If there are more than 60 paths.
     """
     firing = paths if isinstance(paths, ThrusterFiring) else None
     single_paths = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
@@ -387,6 +368,7 @@ def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFirin
     return f"{said} in total; {called[k]} has the largest delta-v, {speed(spent[k])}"
 
 
+@picture
 def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> Figure:
     """Plot the pulses of each thruster of a spacecraft against time, over the planned thrust.
 
@@ -397,24 +379,16 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
 
     Parameters
     ----------
-    firing : ThrusterFiring
-        Result of `fire_thrusters`.
     craft : int, default 0
         Index of the spacecraft.
     name : str, optional
         Name of the spacecraft; default: its index if there are several.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
     Raises
     ------
     ValueError
-        If there is no such spacecraft, or an argument has the wrong type.
+        If there is no such spacecraft.
     """
-    instance("firing", firing, ThrusterFiring)
     if name is not None:
         instance("name", name, str)
     count = len(firing.thrusters)
