@@ -13,7 +13,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
-from closeform.mission.simulation_verdict import eaten, in_flight, least_margin, predicted
+from closeform.mission.simulation_verdict import eaten, in_flight, predicted, zone_distance
 from closeform.mission.verdict import (
     Asked,
     Late,
@@ -323,7 +323,7 @@ class Mission(Stages):
             asked=(*judged, *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
             model="Hill's equations" if watched and self.orbit.mean_motion else "",
-            margin=least_margin(self) if watched else None,
+            zone_distance=zone_distance(self) if watched else None,
             predicted=predicted(self),
             field=next((one.validity.field for one in self.flown if one.validity is not None), ""),
             strict=self.scenario.strict,
