@@ -117,8 +117,8 @@ class Late:
 class Asked:
     """Requirement of a stage, with the texts `kept` and `broken` for a requirement that is `met` or not.
 
-    A verdict reports only the met requirement of one `kind` with the least `slack`, in its own unit.  `doubt`
-    is the reason why a requirement that is met in the model of the plan is in doubt; it is empty if there is none.
+    A verdict reports only the met requirement of one `kind` with the least `slack`, in its own unit.
+    `doubt` is the reason why a requirement that the plan meets in its model is in doubt, or empty.
     """
 
     kept: str
