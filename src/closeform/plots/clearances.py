@@ -44,7 +44,6 @@ BEYOND = 1e12  # [m] stands for an open side of a zone, beyond all spacecraft
 FAR = 20.0  # zone extents above which a distance has a logarithmic scale
 BRIEF = 1e-6  # s, so short that the state does not change: clearance at an instant
 INSTANTS, SHARES = 480, 64  # failure times per curve, and fractions of an impulse at which thrust is lost
-RESOLVED = 5.0  # times the largest minimum or the zone: upper limit of an axis that resolves minima
 
 
 @picture
@@ -75,7 +74,7 @@ def ratios(
         raise ValueError("obstacles: give at least one path")
     called = short_names(names, len(others), "obstacles") if names is not None else []
     start, end = min(before.start, after.start), max(before.end, after.end)
-    ticks, curves, least, most = clock(before, start, end), list[Curve](), list[float](), 0.0
+    ticks, curves, least = clock(before, start, end), list[Curve](), list[float]()
     looks: list[tuple[Path, str, Any]] = [(after, AFTER, "-")]
     if before is not after:
         looks.insert(0, (before, BEFORE, DASHED))
@@ -93,14 +92,12 @@ def ratios(
         dot, label = (near[k].time, near[k].ratio), f"{role}: {when}"
         curves.append(Curve(times, np.fmin.reduce(each), label, colour, dashes, 2.4, dot))
         least.append(near[k].ratio)
-        most = max(most, float(np.nanmax(each)))
         if path is after and len(others) > 1:
             curves.insert(0, Curve(times, each, colour=AFTER, width=0.8))
-    most = min(1.05 * most, RESOLVED * max(1.0, *least))
     change = f"Before {least[0]:.2f} × zone, after " if len(looks) > 1 else "Closest "
     last_near = f"{least[-1]:.2f} × zone"
     said = f"{change}{last_near} at {ticks.text(curves[-1].dot[0])}" if curves[-1].dot else change
-    return series(said, [Panel(RATIO, curves, 1.0, most=most)], ticks, start, end, height=5.9)
+    return series(said, [Panel(RATIO, curves, 1.0, scale="ratio")], ticks, start, end, height=5.9)
 
 
 @picture
@@ -375,9 +372,7 @@ def drift_ratios(
         words = f"direct path: {direct.story(ticks)}"
         curves.append(Curve(direct.times, direct.ratios, words, INK, DASHED, 1.4))
         said += f", {precise(direct.worst.ratio)} on the direct path"
-    most = max(float(one.ratios.max()) for one in found)
-    most = min(1.06 * most, RESOLVED * max(1.0, *(one.worst.ratio for one in found)))
-    panel = Panel("clearance ratio in free drift [× zone]", curves, 1.0, most=most)
+    panel = Panel("clearance ratio in free drift [× zone]", curves, 1.0, scale="ratio")
     height = 5.6 + 0.3 * len(curves)
     return series(said, [panel], ticks, float(start), float(end), "time of thrust loss", height)
 

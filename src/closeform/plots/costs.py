@@ -263,7 +263,7 @@ def mark_impulses(
                 (-5 if late else 5, 5),
                 **look,
             )
-    axes.plot(ticks(when), heights, "o", color=INK, markersize=7, linestyle="", zorder=5)
+    axes.plot(ticks(when), heights, "o", color=INK, markersize=7, linestyle="", zorder=5, clip_on=False)
     axes.set_ylim(min(axes.get_ylim()[0], 1.1 * float(heights.min(initial=0.0))))
     large = np.flatnonzero(sizes >= SMALLEST * sizes.max(initial=0.0))
     large = large[np.argsort(-sizes[large], kind="stable")][:LABELLED]

@@ -188,8 +188,8 @@ def closest_pair(
     how = length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
     pair = [other, one] if carries(pairs.paths, count, other, one) else [one, other]
     places = [pairs.paths[k].position(pairs.time[near]) for k in pair]
-    shapes = [] if by_distance else [Shape(pairs.zone[near], places[0], "its zone")]
-    look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair then", "order": 4.2}
+    shapes = [] if by_distance else [Shape(pairs.zone[near], places[0], "zone at closest approach")]
+    look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair at that time", "order": 4.2}
     return (
         shapes,
         [Mark(place, INK, **look) for place in places],
@@ -379,9 +379,14 @@ def passage_of(
     words = "zone at closest approach, after" if after else "zone at closest approach"
     shape = Shape(zone, centre, words, AFTER if after else ZONE, not after)
     host = Mark(
-        centre, AFTER if after else OTHER, "s", size=4.0, label="obstacle then", name=name * (not after)
+        centre,
+        AFTER if after else OTHER,
+        "s",
+        size=4.0,
+        label="obstacle at that time",
+        name=name * (not after),
     )
-    return [shape], [host, Mark(path.position(near.time), tint, label="craft then", order=5.0)]
+    return [shape], [host, Mark(path.position(near.time), tint, label="spacecraft at that time", order=5.0)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -593,20 +598,26 @@ def drift_fan(
     wanted = np.linspace(found.times[0], found.times[-1], FAN)
     for k in np.unique(np.searchsorted(found.times, wanted).clip(0, len(found.times) - 1)).tolist():
         unsafe, time = bool(found.ratios[k] <= 1.0), float(found.times[k])
-        words = "thrust lost, enters the zone" if unsafe else "thrust lost, stays clear"
+        words = f"free drift that {'enters the zone' if unsafe else 'stays clear'}"
         look: dict[str, Any] = {"colour": UNSAFE if unsafe else SAFE, "width": 0.9, "arrow": False}
         look |= {"label": words, "order": 2.1 + 0.1 * unsafe}
         whole.append(Track(gap(found, time, first_orbit(found, time, found.met[k])), **look))
         beside += [Track(piece, **look) for piece in abeam(found, time)]
     tint = CONFLICT if worst.ratio <= 1.0 else AFTER
-    look = {"colour": tint, "width": 2.2, "arrow": False, "label": "worst of all failures", "order": 4.0}
+    look = {
+        "colour": tint,
+        "width": 2.2,
+        "arrow": False,
+        "label": "closest free drift",
+        "order": 4.0,
+    }
     whole.append(Track(gap(found, lost, first_orbit(found, lost, met)), **look))
     beside += [Track(piece, **look) for piece in abeam(found, lost)]
     start, end = gap(found, None, np.array([path.start, path.end]))
     marks = [
-        Mark(start, INK, face="white", label="start", order=5.0),
-        Mark(end, INK, label="end", order=5.0),
-        Mark(gap(found, None, np.array([lost]))[0], tint, "X", size=9.0, label="thrust is lost", order=6.0),
+        Mark(start, INK, face="white", label="start of the plan", order=5.0),
+        Mark(end, INK, label="end of the plan", order=5.0),
+        Mark(gap(found, None, np.array([lost]))[0], tint, "X", size=9.0, label="loss of thrust", order=6.0),
     ]
     nearest: list[Mark] = []
     if np.isfinite(met):
@@ -615,15 +626,15 @@ def drift_fan(
         point = gap(found, lost, np.array([met]))[0]
         nearest = [Mark(point, tint, face="none", size=10.0, label="closest approach", order=6.0)]
     whole.append(Track(planned, INK, 2.4, label="plan", order=3.0))
-    shape, size = Shape(zone, ORIGIN, "keep-out zone"), float(drawn(zone).extents.max())
-    reach = np.vstack([planned, np.eye(3) * size, -np.eye(3) * size])
+    shape, extents = Shape(zone, ORIGIN, "keep-out zone"), drawn(zone).extents
+    reach = np.vstack([planned, np.diag(extents), -np.diag(extents)])
     cameras = PLANES[0], PLANES[2]
     names_of = [tuple(DIRECTIONS[axis].name for axis in pair) for pair, _ in cameras]
     scenes = (
         Scene(whole, [*marks, *nearest], [shape], f"relative to {called[1]}, from the side"),
         Scene(beside, nearest, [shape], "near the zone, seen along the track"),
     )
-    half = max(2.6, 1.3 * min(worst.ratio, 5.0)) * size
+    half = max(2.6, 1.3 * min(worst.ratio, 5.0)) * float(extents[[0, 2]].max())
     views = [
         SquareView(scenes[0], cameras[0][1], names_of[0], *around(cameras[0][1](reach))),  # type: ignore[arg-type]
         SquareView(scenes[1], cameras[1][1], names_of[1], np.zeros(2), half),  # type: ignore[arg-type]

@@ -21,7 +21,7 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
-from closeform.plots.drawing.charts import Curve, Panel, name_rows, series
+from closeform.plots.drawing.charts import DASHES, Curve, Panel, name_rows, series
 from closeform.plots.drawing.inputs import crafts, picture, texts
 from closeform.plots.drawing.palette import (
     AFTER,
@@ -110,6 +110,7 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
             axes.axhline(0, color=INK, linewidth=0.8)
     spent = speed_unit(max(path.delta_v for path in single_paths))
     lines, words = [], []
+    words_of_cost = [f"{name} {speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
     for path, (colour, dashes), name in zip(
         single_paths, LINES[len(single_paths) - 1 :: -1], labels, strict=True
     ):
@@ -127,11 +128,7 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         stems(panels, single_paths, ticks, greatest)
     time_axes(panels, ticks, start, end)
     legend(figure, lines, words, handlelength=2.6)
-    most = max(range(len(single_paths)), key=lambda k: single_paths[k].delta_v)
-    headline(
-        figure,
-        f"Thrust and impulses; {labels[most]} has the largest delta-v, {speed(single_paths[most].delta_v)}",
-    )
+    headline(figure, "Delta-v: " + ", ".join(words_of_cost))
     return figure
 
 
@@ -206,6 +203,7 @@ def formation_thrust(
         times = instants(path.start, path.end, path)
         push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k]
         look: dict[str, Any] = {"colour": tints[k], "width": 2.0 if count <= FEW else 1.0}
+        look["dashes"] = DASHES[1 + (k - 1) % 3 if k else 0]  # a curve on top of an equal one shows both
         pushes.append(Curve(times, push / unit.size, called[k] if few else "", **look))
         if known[k]:
             shares.append(Curve(times, 100.0 * push / most[k], **look))
@@ -422,7 +420,15 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
             for time, jump in plan.impulses:
                 size = float(thrusters.directions_at(plan.orbit, time)[thruster] @ jump) / unit.size
                 if size > 0.0:
-                    axes.plot(ticks(time), sign * size, "o", markersize=8, markerfacecolor="none", color=INK)
+                    axes.plot(
+                        ticks(time),
+                        sign * size,
+                        "o",
+                        markersize=8,
+                        markerfacecolor="none",
+                        color=INK,
+                        clip_on=False,
+                    )
             used = len(own) + len(lost) > 0
             if bit > 0.0 and used:
                 axes.axhline(sign * bit / unit.size, color=INK, linewidth=0.9, linestyle=DASHED)

@@ -217,8 +217,8 @@ def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
     met: bool | None = not verdict.conflicts and not verdict.enters
     if verdict.enters and not verdict.conflicts:
         found += f"; predicted in {verdict.field}: {verdict.predicted:.4f} x zone"
-    if met and (near := verdict.zone_distance) is not None and near.exceeded:
-        met, found = None, f"{found}; not shown beyond {verdict.model}: {near}"
+    if met and (least := verdict.zone_distance) is not None and least.exceeded:
+        met, found = None, f"{found}; not shown beyond {verdict.model}: {least}"
     yield "No craft enters a keep-out zone at any instant", found, met
 
 

@@ -15,7 +15,8 @@ from closeform.motion.path import Path
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 LOOKS = 201  # instants at which two paths are compared
 UNSEEN = 1e-4  # of the extent of a path: a smaller difference is below one pixel
 HEADING = re.compile(r"^(\w+)\n-+\n", re.MULTILINE)

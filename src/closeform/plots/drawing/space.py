@@ -303,10 +303,17 @@ def finished(figure: Figure, views: Sequence[tuple[Axes, Scene, Camera, float]],
 
 
 def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str, Floats]) -> None:
-    """Frame axes at equal scales that hold points (M, 2), with a scale bar and the directions."""
+    """Frame axes at equal scales that hold points (M, 2), with a scale bar and the directions below them."""
     low, top = points.min(axis=0), points.max(axis=0)
     room = 0.06 * float((top - low).max() or 1.0)
-    fitted(axes, (low[0] - room, low[1] - 4.0 * room), top + room)
+    low, top = low - room, top + room
+    inches = axes.get_position().size * axes.figure.get_size_inches()
+    size = float(np.clip(11.0 * inches.min(), 18.0, 32.0))  # points
+    share = min(0.5, (1.9 * size + 16.0) / (72.0 * float(inches.min())))  # of the height: the directions
+    wide, high = top - low
+    below = max(0.0, 2.0 * share * wide - wide + high)
+    below = below if high + below <= wide else share * high / (1.0 - share)
+    fitted(axes, (low[0], low[1] - below), top)
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set_color(OTHER)
     long = rounded_down(0.25 * max(float((top - low).max()), 1e-9))
@@ -315,7 +322,7 @@ def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str,
     bar = AnchoredSizeBar(axes.transData, long, f"{long / unit.size:g} {unit.name}", "lower right", **look)
     bar.txt_label.get_children()[0].set_fontsize(SMALL)
     axes.add_artist(bar)
-    triad(axes, camera, directions)
+    triad(axes, camera, directions, size)
 
 
 def triad(axes: Axes, camera: Camera, directions: dict[str, Floats], size: float = 32.0) -> None:
