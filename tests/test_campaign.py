@@ -26,9 +26,9 @@ from closeform.campaign import (
 from closeform.campaign.draws import searching, uniform
 from closeform.cli.app import main
 from closeform.cli.console import WIDTH
+from closeform.cli.study import report_of
 from closeform.confidence import estimate
 from closeform.mission.mission import fly
-from closeform.report.any_study import report_of
 from closeform.report.run import RunReport
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gathering.gather import gather

@@ -18,8 +18,8 @@ from closeform.cli.app import main
 from closeform.dynamics.simulation.loss_of_thrust import sampled_losses
 from closeform.mission.mission import fly
 from closeform.mission.passive_safety import in_field
-from closeform.report import conflicts
 from closeform.report.run import RunReport
+from closeform.report.sections import conflicts
 from closeform.scenario import parse
 from test_field import textbook
 

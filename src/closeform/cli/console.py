@@ -17,9 +17,9 @@ from unicodedata import normalize
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from closeform.report.description import Table
     from closeform.report.run import RunReport
     from closeform.report.screening import EncounterReport, ScreenReport
-    from closeform.report.section import Table
     from closeform.report.simulation import SimulationReport
     from closeform.report.study import CasesReport
 

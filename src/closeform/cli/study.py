@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -15,6 +15,8 @@ from closeform.cli.inputs import BAD_INPUT, UsageError, read
 if TYPE_CHECKING:
     from closeform.campaign.cases import Cases
     from closeform.campaign.chunks import Runner
+    from closeform.report.study import CasesReport
+    from closeform.scenario import Scenario
 
 
 def study(
@@ -61,7 +63,7 @@ def study(
     from closeform.campaign import requested
     from closeform.campaign.chunks import ChunkError, Stored
     from closeform.mission.verdict import MET, NOT_MET
-    from closeform.report.any_study import report_of
+    from closeform.report.study import draw_lines
     from closeform.scenario import ScenarioError
 
     notes = stderr()
@@ -82,7 +84,6 @@ def study(
                     campaign = chunks.complete(runner, tell)
             report = report_of(campaign, loaded)
             under_way.known.update(chunks.digests)
-            from closeform.report.study import draw_lines
             from closeform.viewer import replays
 
             with working(notes, "writing results") as show, written(place):
@@ -100,6 +101,25 @@ def study(
     with kept(place):
         tell_study(report, draw_lines(campaign), place)
     return MET if campaign.ok else NOT_MET
+
+
+def report_of(campaign: Any, scenario: "Scenario") -> "CasesReport":
+    """Return the report of a campaign, by its kind; only the module of that kind is loaded."""
+    if scenario.points:
+        from closeform.report.mission_study import SweepReport
+
+        return SweepReport(campaign)
+    if scenario.study is not None and scenario.study.draws == "errors":
+        from closeform.report.mission_study import ErrorStudyReport
+
+        return ErrorStudyReport(campaign)
+    if not scenario.searches_alone:
+        from closeform.report.mission_study import MissionStudyReport
+
+        return MissionStudyReport(campaign)
+    from closeform.report.study import StudyReport
+
+    return StudyReport(campaign)
 
 
 def finished_before(place: Path, cases: "Cases", count: int) -> int | None:

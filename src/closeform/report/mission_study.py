@@ -14,10 +14,10 @@ from closeform.campaign.error_cases import ErrorCampaign, PairCounts
 from closeform.campaign.mission_cases import END, RATIO, SPENT, WORDS, MissionCampaign, SimulationTally
 from closeform.campaign.sweep_cases import Point, SweepCampaign
 from closeform.confidence import Estimate, estimate
-from closeform.report import model
+from closeform.report.description import MOST_ROWS, Column, Table, counted
 from closeform.report.page import quoted
 from closeform.report.picture import Picture
-from closeform.report.section import MOST_ROWS, Column, Table, counted
+from closeform.report.sections import model
 from closeform.report.study import (
     SPREAD,
     CasesReport,

@@ -11,8 +11,8 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from closeform.report.description import Column, Section, Table
 from closeform.report.picture import Progress, Shot, drawn
-from closeform.report.section import Column, Section, Table
 from closeform.storage.result_folder import (
     REPORT,
     SCENARIO,

@@ -16,12 +16,8 @@ from closeform.conflicts.flight import ALL_PAIRS, PairApproach
 from closeform.conflicts.two_paths import nearest_first
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
 from closeform.mission.verdict import conflicts_of
-from closeform.report import conflicts, effort, model, moves, page, searches, uncertain
-from closeform.report.conflicts import RATIO
-from closeform.report.effort import first_of_each
-from closeform.report.page import Repeat
-from closeform.report.picture import Film, Picture, Progress
-from closeform.report.section import (
+from closeform.report import page
+from closeform.report.description import (
     MOST_ROWS,
     PAIR,
     Column,
@@ -35,6 +31,11 @@ from closeform.report.section import (
     plan_of,
     state_columns,
 )
+from closeform.report.page import Repeat
+from closeform.report.picture import Film, Picture, Progress
+from closeform.report.sections import conflicts, effort, model, moves, searches, uncertain
+from closeform.report.sections.conflicts import RATIO
+from closeform.report.sections.effort import first_of_each
 from closeform.scenario import (
     Avoid,
     Coast,

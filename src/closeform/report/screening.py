@@ -14,12 +14,13 @@ from closeform.exchange.common_frame import CommonFrame
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.export_tracks.track import file_names
 from closeform.mission.verdict import MET, NOT_MET, Verdict, conflicts_in
-from closeform.report import conflicts, model, page, uncertain
-from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
+from closeform.report import page
+from closeform.report.description import Column, Section, Stamps, Table, counted, some_of, state_columns
 from closeform.report.page import Command, Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.section import Column, Section, Stamps, Table, counted, some_of, state_columns
-from closeform.report.uncertain import SIGMAS, row
+from closeform.report.sections import conflicts, model, uncertain
+from closeform.report.sections.conflicts import APPROACH, CONFLICT, MOST_PAIRS
+from closeform.report.sections.uncertain import SIGMAS, row
 from closeform.storage.result_folder import Folder
 from closeform.uncertainty.clearance import SigmaApproach
 from closeform.uncertainty.encounter import Encounter

@@ -13,10 +13,11 @@ from closeform.dynamics.force_model.field import described
 from closeform.exchange.epochs import Epoch
 from closeform.mission.simulation import SimulatedRun, SimulatedStage
 from closeform.mission.simulation_verdict import Entered
-from closeform.report import conflicts, effort, model, page
+from closeform.report import page
+from closeform.report.description import PAIR, Column, Section, Table, counted, state_columns
 from closeform.report.page import Command, Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.section import PAIR, Column, Section, Table, counted, state_columns
+from closeform.report.sections import conflicts, effort, model
 from closeform.scenario.study import UNPLANNED, readers
 from closeform.storage.result_folder import Folder
 from closeform.zones.pair_zones import PairZones

@@ -16,10 +16,11 @@ from closeform.campaign.search_cases import LATER
 from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
 from closeform.mission.verdict import MET, NOT_MET
-from closeform.report import model, page, run, searches
+from closeform.report import page, run
+from closeform.report.description import Column, Section, Table
 from closeform.report.page import Head, Repeat, quoted
 from closeform.report.picture import Picture, Progress
-from closeform.report.section import Column, Section, Table
+from closeform.report.sections import model, searches
 from closeform.search.gathering.result import listed
 from closeform.search.lock_statistics import TimeHistogram, phase_labels
 from closeform.search.schedule import Search

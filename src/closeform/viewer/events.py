@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.mission.mission_result import FirstLocks, StageResult
-from closeform.report.conflicts import event as failure
-from closeform.report.conflicts import near as clearance
-from closeform.report.searches import BURNS, met, replayed
-from closeform.report.section import fate
+from closeform.report.description import fate
+from closeform.report.sections.conflicts import event as failure
+from closeform.report.sections.conflicts import near as clearance
+from closeform.report.sections.searches import BURNS, met, replayed
 from closeform.search.gathering.result import EventKind, Gathering
 from closeform.viewer.meetings import closest, flights, places_of
 from closeform.viewer.searches import seen

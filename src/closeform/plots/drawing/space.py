@@ -307,9 +307,9 @@ def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str,
     low, top = points.min(axis=0), points.max(axis=0)
     room = 0.06 * float((top - low).max() or 1.0)
     low, top = low - room, top + room
-    inches = axes.get_position().size * axes.figure.get_size_inches()
-    size = float(np.clip(11.0 * inches.min(), 18.0, 32.0))  # points
-    share = min(0.5, (1.9 * size + 16.0) / (72.0 * float(inches.min())))  # of the height: the directions
+    inches = min(axes.bbox.width, axes.bbox.height) / float(axes.figure.dpi)
+    size = float(np.clip(11.0 * inches, 18.0, 32.0))  # points
+    share = min(0.5, (1.9 * size + 16.0) / (72.0 * inches))  # of the height: the directions
     wide, high = top - low
     below = max(0.0, 2.0 * share * wide - wide + high)
     below = below if high + below <= wide else share * high / (1.0 - share)

@@ -274,7 +274,12 @@ def banner(figure: Figure, text: str, bad: bool = False) -> None:
 
 def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:
     """Add a legend below the axes of a figure; labels that begin with `_` are kept."""
-    style: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": SMALL, "borderaxespad": 0.9}
+    style: dict[str, Any] = {
+        "loc": "outside lower center",
+        "frameon": False,
+        "fontsize": SMALL,
+        "borderaxespad": 0.9,
+    }
     wide = [1.0 + 0.085 * len(said) for said in words]  # inches
     room = float(figure.get_figwidth()) - 0.4
     columns = len(words) if sum(wide) <= room else max(1, int(room / max(wide)))

@@ -19,10 +19,20 @@ from closeform.mission.mission_result import (
 from closeform.mission.stage_start import Arrival
 from closeform.motion.path import Path
 from closeform.planning.plan import UNITS, Plan, Status
-from closeform.report import conflicts, effort
-from closeform.report.actuator_options import Choices
+from closeform.report.description import (
+    AT,
+    MOST_ROWS,
+    PAIR,
+    Column,
+    Section,
+    Table,
+    counted,
+    heading,
+    some_of,
+)
 from closeform.report.picture import Picture
-from closeform.report.section import AT, MOST_ROWS, PAIR, Column, Section, Table, counted, heading, some_of
+from closeform.report.sections import conflicts, effort
+from closeform.report.sections.actuator_options import Choices
 from closeform.scenario import Avoid, Coast, Regather, Scatter, Transfer
 
 Coasting = StageResult[Coast, None]

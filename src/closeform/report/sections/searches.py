@@ -10,9 +10,7 @@ import numpy as np
 
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
 from closeform.mission.verdict import SunAngle, conflicts_in, conflicts_of
-from closeform.report import conflicts, effort
-from closeform.report.picture import Film, Picture
-from closeform.report.section import (
+from closeform.report.description import (
     MOST_ROWS,
     PAIR,
     PHASE,
@@ -24,6 +22,8 @@ from closeform.report.section import (
     heading,
     minutes,
 )
+from closeform.report.picture import Film, Picture
+from closeform.report.sections import conflicts, effort
 from closeform.scenario import Gather, Lock
 from closeform.search.gathering.result import Event, EventKind, Gathering, GatherStatus, listed
 from closeform.search.leg import SPELLED

@@ -14,8 +14,8 @@ from closeform.mission.mission_result import StageResult
 from closeform.mission.verdict import conflicts_in
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
+from closeform.report.description import AT, MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.report.picture import Film, Picture
-from closeform.report.section import AT, MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.safety.failures import ThrustLost
 from closeform.scenario.quantity import span
 from closeform.scenario.stages import Drifting
