@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from closeform.report.run import RunReport
     from closeform.report.screening import EncounterReport, ScreenReport
     from closeform.report.simulation import SimulationReport
-    from closeform.report.study import CasesReport
+    from closeform.report.study import StudyReport
 
 WIDTH = 100  # columns of a terminal's output
 # control characters except tabs and line ends; the last ranges change the writing direction
@@ -241,7 +241,7 @@ def tell_screen(report: "ScreenReport | EncounterReport | SimulationReport", pla
     put(console, f"{report.verdict}; results in {place}", soft_wrap=True)  # do not break a path
 
 
-def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None:
+def tell_study(report: "StudyReport", drawn: Sequence[str], place: Path) -> None:
     """Print the report of a study; the lines `drawn` state what was sampled for its cases."""
     console = stdout()
     say(console, *report.opening, *drawn)

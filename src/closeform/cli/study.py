@@ -15,7 +15,7 @@ from closeform.cli.inputs import BAD_INPUT, UsageError, read
 if TYPE_CHECKING:
     from closeform.campaign.cases import Cases
     from closeform.campaign.chunks import Runner
-    from closeform.report.study import CasesReport
+    from closeform.report.study import StudyReport
     from closeform.scenario import Scenario
 
 
@@ -103,23 +103,23 @@ def study(
     return MET if campaign.ok else NOT_MET
 
 
-def report_of(campaign: Any, scenario: "Scenario") -> "CasesReport":
+def report_of(campaign: Any, scenario: "Scenario") -> "StudyReport":
     """Return the report of a campaign, by its kind; only the module of that kind is loaded."""
     if scenario.points:
-        from closeform.report.mission_study import SweepReport
+        from closeform.report.mission_study import sweep_report
 
-        return SweepReport(campaign)
+        return sweep_report(campaign)
     if scenario.study is not None and scenario.study.draws == "errors":
-        from closeform.report.mission_study import ErrorStudyReport
+        from closeform.report.mission_study import errors_report
 
-        return ErrorStudyReport(campaign)
+        return errors_report(campaign)
     if not scenario.searches_alone:
-        from closeform.report.mission_study import MissionStudyReport
+        from closeform.report.mission_study import missions_report
 
-        return MissionStudyReport(campaign)
-    from closeform.report.study import StudyReport
+        return missions_report(campaign)
+    from closeform.report.study import searches_report
 
-    return StudyReport(campaign)
+    return searches_report(campaign)
 
 
 def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
