@@ -188,7 +188,7 @@ class FormationFilm:
         self.story.set_text(wrapped(self.figure, said))
 
 
-@picture
+@picture("`frames` is below 2")
 def formation_animation(
     paths: Path | Sequence[Path],
     file: File,
@@ -210,11 +210,6 @@ def formation_animation(
     frames : int, default 100
         Number of frames, at least 2, evenly spaced in time; one more at the closest approach, where the
         animation pauses.
-
-    Raises
-    ------
-    ValueError
-        If `frames` is below 2.
     """
     whole("frames", frames, 2)
     found = reel(paths, names, zone, frames=frames)

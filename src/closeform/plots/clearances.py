@@ -46,7 +46,7 @@ BRIEF = 1e-6  # s, so short that the state does not change: clearance at an inst
 INSTANTS, SHARES = 480, 64  # failure times per curve, and fractions of an impulse at which thrust is lost
 
 
-@picture
+@picture("there is no obstacle, or one shares no time with a path")
 def ratios(
     before: Path,
     after: Path,
@@ -63,11 +63,6 @@ def ratios(
     ----------
     names : sequence of str, optional
         Names of the obstacles.
-
-    Raises
-    ------
-    ValueError
-        If there is no obstacle, or one shares no time with a path.
     """
     others = crafts("obstacles", obstacles)
     if not others:
@@ -100,7 +95,7 @@ def ratios(
     return series(said, [Panel(RATIO, curves, 1.0, scale="ratio")], ticks, start, end, height=5.9)
 
 
-@picture
+@picture("there are fewer than two spacecraft, no pair has a zone and a common time, or `count` is below 1")
 def closest_pairs(
     paths: Path | Sequence[Path],
     zones: Zones,
@@ -117,12 +112,6 @@ def closest_pairs(
     ----------
     count : int, default 4
         Maximum number of pairs shown.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two spacecraft, no pair has a zone and a common time, or `count` is below
-        1.
     """
     pairs, called = asked_pairs(paths, zones, names)
     whole("count", count, 1)
@@ -187,7 +176,10 @@ class Deviations:
         return np.where(np.isfinite(found), found, np.nan)
 
 
-@picture
+@picture(
+    "the numbers of paths, zones, errors or names differ, two paths share no time, no error of any size "
+    "causes a conflict, or `asked` is not above 0"
+)
 def sigmas(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -213,12 +205,6 @@ def sigmas(
         Required clearance in sigmas; the range below it is shaded.
     names : sequence of str, optional
         Names of the pairs.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of paths, zones, errors or names differ, two paths share no time, no error of any
-        size causes a conflict, or `asked` is not above 0.
     """
     firsts, seconds = crafts("path", path), crafts("other", other)
     if not firsts or len(firsts) != len(seconds):
@@ -317,7 +303,10 @@ def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
     return every[order], np.concatenate(states)[order]
 
 
-@picture
+@picture(
+    "the number of others, zones or labels differs from that of paths, or under the same conditions as in "
+    "`drift_approach`"
+)
 def drift_ratios(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -344,12 +333,6 @@ def drift_ratios(
         Label of each pair.
     before : tuple of (Path, Path, Zone), optional
         Pair on its direct paths, without passive safety, and its zone; drawn dashed.
-
-    Raises
-    ------
-    ValueError
-        If the number of others, zones or labels differs from that of paths, or under the same conditions
-        as in `drift_approach`.
     """
     fail, fly = crafts("path", path), crafts("other", other)
     zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
@@ -411,7 +394,7 @@ def passive_safety(found: Sequence[Failed]) -> str:
     return f"Not passively safe {spans}: {precise(worst.worst.ratio)} × zone{often}"
 
 
-@picture
+@picture("orbits differ or there is no common time")
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
 
@@ -423,11 +406,6 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     ----------
     path, other : Path
         Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
-
-    Raises
-    ------
-    ValueError
-        If orbits differ or there is no common time.
 
     References
     ----------

@@ -160,7 +160,7 @@ def _along(path: Path, contacts: ContactTerms, thrusters: Thrusters, pushes: Flo
     return np.asarray(scale * found.x[:6])
 
 
-@picture
+@picture("the path is a batch, is too long or is not a path, or if a plan has no path or no such spacecraft")
 def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
     """Plot the magnitude of a primer against time: 1 at optimal impulses, nowhere above 1.
 
@@ -176,12 +176,6 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
         states; or a minimum-delta-v plan.
     craft : int, default 0
         Index of the spacecraft in a `Plan`.
-
-    Raises
-    ------
-    ValueError
-        If the path is a batch, is too long or is not a path, or if a plan has no path or no such
-        spacecraft.
 
     References
     ----------
@@ -272,7 +266,7 @@ def mark_impulses(
         label(axes, points, [speed(size) for size in sizes[large].tolist()])
 
 
-@picture
+@picture("the table has no duration, `fired` is given without a plan, or `asked` is not positive")
 def trade(
     found: TransferCostTable,
     plan: Path | Sequence[Path] | None = None,
@@ -292,11 +286,6 @@ def trade(
         Delta-v of the thruster firing that realizes the plan, summed over all spacecraft; marked by a dot.
     asked : float [s], optional
         Required duration, marked by a vertical line; for use without a plan.
-
-    Raises
-    ------
-    ValueError
-        If the table has no duration, `fired` is given without a plan, or `asked` is not positive.
     """
     if not len(found.duration):
         raise ValueError("found: has no duration; give transfer_cost_table at least one")
@@ -349,18 +338,13 @@ def trade(
     return figure
 
 
-@picture
+@picture("there is no plan, or `most` has none or is a number of sigmas")
 def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Figure:
     """Plot the cost of a plan against the size of the zones: a point for each plan, a curve through them.
 
     The curve has the slope of each plan at its point. Dots join two plans with different passing sides.
     Crosses at the top are sizes for which no clear plan was found. The dashed line is the cost without
     obstacles.
-
-    Raises
-    ------
-    ValueError
-        If there is no plan, or `most` has none or is a number of sigmas.
     """
     if not np.isfinite(found.spent).any():
         raise ValueError("found: no clear plan was found at any size; there is nothing to show")

@@ -388,7 +388,7 @@ class ThreeViews:
         return handles
 
 
-@picture
+@picture("`time` is outside the gathering, or there is no such spacecraft")
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
@@ -407,11 +407,6 @@ def three_views(
     craft : int, default 0
         Index of the spacecraft in the close-up.
 
-    Raises
-    ------
-    ValueError
-        If `time` is outside the gathering, or there is no such spacecraft.
-
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
@@ -423,7 +418,7 @@ def three_views(
     return views.figure
 
 
-@picture
+@picture("`frames` is below 2, or there is no such spacecraft")
 def animation(
     gathering: Gathering,
     file: File,
@@ -442,11 +437,6 @@ def animation(
     frames : int, default 150
         Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
         pauses, as it does at the end.
-
-    Raises
-    ------
-    ValueError
-        If `frames` is below 2, or there is no such spacecraft.
 
     References
     ----------

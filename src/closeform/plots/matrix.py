@@ -25,7 +25,7 @@ BELOW = ("#8f3300", CONFLICT, "#f2a56b")  # from ratio 0 to the keep-out boundar
 ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from the keep-out boundary to the farthest pair
 
 
-@picture
+@picture("there are fewer than two spacecraft, or no pair has a zone")
 def ratio_matrix(
     paths: Path | Sequence[Path],
     zones: Zones,
@@ -35,11 +35,6 @@ def ratio_matrix(
 
     The matrix is symmetric. Pairs in conflict are bold, or crossed if there are many spacecraft. Pairs
     without a zone or a common time are grey.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two spacecraft, or no pair has a zone.
     """
     pairs, called = asked_pairs(paths, zones, names)
     count = len(called)

@@ -59,7 +59,10 @@ class Stage:
         return Curve(times, least, dot=(float(self.pairs.time[near]), float(self.pairs.ratio[near])))
 
 
-@picture
+@picture(
+    "there is no stage, shapes or orbits differ, a stage begins before the last has ended, the number of "
+    "titles is wrong, or a lock names an unknown spacecraft"
+)
 def overview(
     stages: Sequence[Path],
     names: Sequence[str] | None = None,
@@ -82,12 +85,6 @@ def overview(
         Titles of the stages; default: their numbers.
     locks : sequence of tuple of (float [s], int, int), default none
         Time of each lock and the indices of its two spacecraft.
-
-    Raises
-    ------
-    ValueError
-        If there is no stage, shapes or orbits differ, a stage begins before the last has ended, the
-        number of titles is wrong, or a lock names an unknown spacecraft.
     """
     flights = stages_given(stages, zone, titles)
     first, start, end = flights[0].paths, float(flights[0].times[0]), float(flights[-1].times[-1])

@@ -234,7 +234,7 @@ def in_words(pairs: Pairs, called: list[str]) -> str:
     return f": {', '.join(named[:kept])}{more}"
 
 
-@picture
+@picture("the paths differ in shape (N,) or orbit")
 def formation_paths(
     before: Paths,
     after: Paths,
@@ -253,11 +253,6 @@ def formation_paths(
 
     For more than 200 spacecraft, only those of the closest pairs (at most 20) and a faint sample of the
     others are drawn. Conflicts are drawn for all.
-
-    Raises
-    ------
-    ValueError
-        If the paths differ in shape (N,) or orbit.
     """
     matching = before.shape == after.shape and before.orbit == after.orbit
     if not matching or len(before.shape) != 1 or not len(before):
@@ -295,7 +290,7 @@ def formation_story(stages: list[Formation], count: int) -> str:
 # ----- one spacecraft and its obstacles
 
 
-@picture
+@picture("an obstacle shares no time with a path")
 def before_after(
     before: Path,
     after: Path,
@@ -314,11 +309,6 @@ def before_after(
     ----------
     names : sequence of str, optional
         Names of the obstacles.
-
-    Raises
-    ------
-    ValueError
-        If an obstacle shares no time with a path.
 
     References
     ----------
@@ -423,7 +413,7 @@ def around(points: Floats) -> tuple[Floats, float]:
     return (low + high) / 2, 0.6 * float((high - low).max() or 1.0)
 
 
-@picture
+@picture("there are more than two ways, or no common time")
 def two_ways(
     path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None, name: str | None = None
 ) -> Figure:
@@ -441,11 +431,6 @@ def two_ways(
         of lowest cost on the other passing side.
     name : str, optional
         Name of the obstacle.
-
-    Raises
-    ------
-    ValueError
-        If there are more than two ways, or no common time.
 
     References
     ----------
@@ -566,7 +551,7 @@ def extra_cost(path: Path, avoidance: Path) -> str:
 # ----- free drift after a loss of thrust
 
 
-@picture
+@picture("under the same conditions as in `drift_approach`")
 def drift_fan(
     path: Path, other: Path, zone: Zone, until: float, names: Sequence[str] | None = None
 ) -> Figure:
@@ -583,11 +568,6 @@ def drift_fan(
         Path of the failing spacecraft.
     other : Path
         Path of the other spacecraft, up to the end of the drift.
-
-    Raises
-    ------
-    ValueError
-        Under the same conditions as in `drift_approach`.
     """
     called = short_names(names, 2) if names is not None else ["The craft", "the other"]
     found = Failed.of(path, other, zone, until)
@@ -682,7 +662,7 @@ def abeam(found: Failed, failed_at: float) -> list[Floats]:
 # ----- uncertainty and simulations
 
 
-@picture
+@picture("orbits differ, there is no common time, or `sigmas` is not above 0")
 def tube(
     path: Path,
     other: Path,
@@ -705,11 +685,6 @@ def tube(
         Uncertainty of the first spacecraft, or of the relative state if `other_errors` is None.
     sigmas : float, no unit, default 3
         Size of the tube in standard deviations.
-
-    Raises
-    ------
-    ValueError
-        If orbits differ, there is no common time, or `sigmas` is not above 0.
     """
     many = number("sigmas", sigmas)
     if not 0.0 < many < np.inf:
@@ -754,7 +729,7 @@ def ellipses(covariances: Floats, sigmas: float) -> Floats:
     return np.asarray(CIRCLE @ axes.transpose(0, 2, 1))
 
 
-@picture
+@picture()
 def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
     """Plot the paths of all runs and of the plan, with magnified deviations.
 

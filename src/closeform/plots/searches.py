@@ -51,7 +51,7 @@ def angle_text(angle: float, sign: bool = True) -> str:
     return text.replace("-", "−") + "°"
 
 
-@picture
+@picture("the search begins with another phase")
 def in_plane_search(search: Search) -> Figure:
     """Plot the in-plane search of both groups: S04 figure 3, H03 figure 4.
 
@@ -63,11 +63,6 @@ def in_plane_search(search: Search) -> Figure:
     ----------
     search : Search
         Search that begins with an in-plane search.
-
-    Raises
-    ------
-    ValueError
-        If the search begins with another phase.
 
     References
     ----------
@@ -137,7 +132,7 @@ def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -
     axes.plot(*np.where(front, np.nan, points).T, color=colour, linewidth=width, alpha=0.25)
 
 
-@picture
+@picture("the search has no such round")
 def manoeuvres(search: Search, number: int = 1) -> Figure:
     """Plot every turn of one round of a search for both groups: S04 figure 4.
 
@@ -154,11 +149,6 @@ def manoeuvres(search: Search, number: int = 1) -> Figure:
         Search that contains the round.
     number : int, default 1
         Number of the round, counted from 1.
-
-    Raises
-    ------
-    ValueError
-        If the search has no such round.
 
     References
     ----------
@@ -252,7 +242,7 @@ def turning(axes: Axes, camera: Camera, leg: Leg, boresight: Floats) -> None:
     arrow(axes, tilted(way) + camera(-1.5 * SUN), BEFORE, linewidth=1.3, mutation_scale=10)
 
 
-@picture
+@picture("the search has no such mOPS or leaves no complementary cones")
 def complementary_cones(search: Search, mops: int = 1) -> Figure:
     """Plot the four regions of the complementary cones and their search times: S04 figure 5.
 
@@ -267,11 +257,6 @@ def complementary_cones(search: Search, mops: int = 1) -> Figure:
         Search with a sensor that leaves complementary cones.
     mops : int, default 1
         Number of the mOPS that defines n1, the boresight of A at its start.
-
-    Raises
-    ------
-    ValueError
-        If the search has no such mOPS or leaves no complementary cones.
 
     References
     ----------
@@ -408,7 +393,10 @@ class Meeting:
         return "outside of H" if margin > ON else ("within H: locked" if margin < -ON else "on H, and locks")
 
 
-@picture
+@picture(
+    "shapes are wrong, `time` is outside the first in-plane search or missing for a pair that does not "
+    "lock in it, or the search does not meet the requirements above"
+)
 def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: float | None = None) -> Figure:
     """Plot why spacecraft outside each other's complementary cones lock in the in-plane search: S04 figure 6.
 
@@ -428,12 +416,6 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
         Velocity of B relative to A, in the inertial frame.
     time : float [s], optional
         Time in the first in-plane search; default: that of the first lock.
-
-    Raises
-    ------
-    ValueError
-        If shapes are wrong, `time` is outside the first in-plane search or missing for a pair that does
-        not lock in it, or the search does not meet the requirements above.
 
     References
     ----------

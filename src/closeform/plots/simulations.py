@@ -39,7 +39,7 @@ MOST = 24  # maximum number of spacecraft in the cost figure
 CLOSE_UP = 0.012  # of the duration: half the width of the close-up
 
 
-@picture
+@picture()
 def flight_deviations(
     flight: Simulation, tube: Tube | None = None, names: Sequence[str] | None = None
 ) -> Figure:
@@ -69,7 +69,7 @@ def flight_deviations(
     return series(most + share, [panel], clock_of(flight), start, end, height=5.8)
 
 
-@picture
+@picture("there are fewer than two spacecraft, or no pair has a zone")
 def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
     """Plot the minimum clearance ratio of all pairs against time, for every run, with a close-up.
 
@@ -81,11 +81,6 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     ----------
     zone : Zone or PairZones
         One zone for all pairs, or one for each.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two spacecraft, or no pair has a zone.
     """
     instance("zone", zone, Zone, PairZones)
     count = flight.states.shape[1]
@@ -149,7 +144,7 @@ def clock_of(flight: Simulation) -> Clock:
     return clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
 
 
-@picture
+@picture()
 def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
     """Plot the delta-v of each spacecraft in every run: plan, model compensation and feedback.
 

@@ -42,7 +42,7 @@ ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and ove
 FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
-@picture
+@picture("`values` has another shape, is infinite or all nan, or `tail` is not between 0 and 1")
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     """Plot a histogram of values, and the cumulative share of cases up to each value.
 
@@ -57,11 +57,6 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
         Name of the quantity with its unit, such as "delta-v [m/s]".
     tail : float, no unit, default 0.95
         Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
-
-    Raises
-    ------
-    ValueError
-        If `values` has another shape, is infinite or all nan, or `tail` is not between 0 and 1.
 
     References
     ----------
@@ -101,7 +96,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     return figure
 
 
-@picture
+@picture("`times` has another shape or lies outside the search, or `bin` is not positive and finite")
 def histogram(
     times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
 ) -> Figure:
@@ -122,11 +117,6 @@ def histogram(
         Width of a bin.
     what : str, default "pairs lock"
         Plural noun and verb of the event, such as "formations gather" for the durations of `gather_cases`.
-
-    Raises
-    ------
-    ValueError
-        If `times` has another shape or lies outside the search, or `bin` is not positive and finite.
 
     References
     ----------
@@ -194,7 +184,7 @@ def spaced(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
-@picture
+@picture("shapes are wrong, or a number is not finite")
 def sweep(
     values: ArrayLike,
     share: ArrayLike,
@@ -219,11 +209,6 @@ def sweep(
         Name of the swept quantity with its unit.
     names : sequence of str, default one without a name
         Names of the K lines.
-
-    Raises
-    ------
-    ValueError
-        If shapes are wrong, or a number is not finite.
 
     References
     ----------
@@ -261,7 +246,10 @@ def sweep(
     return figure
 
 
-@picture
+@picture(
+    "`found` has no rate because of its method or because there are no entries, or `limit` is not a "
+    "probability above 0"
+)
 def collision(
     found: Probability, path: Path | None = None, limit: float | None = None, what: str = ""
 ) -> Figure:
@@ -283,12 +271,6 @@ def collision(
         Required maximum probability.
     what : str, default ""
         Name of the pair, placed at the start of the headline.
-
-    Raises
-    ------
-    ValueError
-        If `found` has no rate because of its method or because there are no entries, or `limit` is not a
-        probability above 0.
     """
     instance("found", found, Probability)
     instance("what", what, str)

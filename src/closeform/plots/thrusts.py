@@ -67,7 +67,10 @@ OPPOSITE = 1e-9  # largest component of the sum of two opposite directions
 IDLE = 1e-6  # of the largest delta-v of a thruster; smaller values count as zero
 
 
-@picture
+@picture(
+    "there are more than three paths or none, the number of labels is wrong, or `mass` is not positive "
+    "and finite"
+)
 def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | None = None) -> Figure:
     """Plot the magnitude and the components of the thrust of up to three paths against time.
 
@@ -81,12 +84,6 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         Label of each path.
     mass : float [kg], optional
         Mass of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
-
-    Raises
-    ------
-    ValueError
-        If there are more than three paths or none, the number of labels is wrong, or `mass` is not
-        positive and finite.
     """
     if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
@@ -152,7 +149,7 @@ def stems(panels: list[Axes], single_paths: list[Path], ticks: Clock, greatest: 
         right.spines["right"].set(visible=True, color=OTHER)
 
 
-@picture
+@picture("the number of limits, masses or on_off is wrong, or masses are not positive")
 def formation_thrust(
     paths: Path | Sequence[Path],
     names: Sequence[str] | None = None,
@@ -174,11 +171,6 @@ def formation_thrust(
         Masses of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
     on_off : array_like of bool of shape () or (N,), default False
         True for spacecraft whose limit is the thrust of one on-off thruster.
-
-    Raises
-    ------
-    ValueError
-        If the number of limits, masses or on_off is wrong, or masses are not positive.
     """
     single_paths = crafts("paths", paths)
     called, count = short_names(names, len(single_paths)), len(single_paths)
@@ -279,7 +271,7 @@ def vector(name: str, given: ArrayLike, count: int) -> Floats:
     return values
 
 
-@picture
+@picture("there are more than 60 paths")
 def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | None = None) -> Figure:
     """Plot the burns of each spacecraft: a row per spacecraft, a bar per burn, scaled to its delta-v.
 
@@ -290,11 +282,6 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     ----------
     paths : Path, sequence of Path, or ThrusterFiring
         Path of shape (N,), up to 60 paths, or a `ThrusterFiring`, whose pulses are shown.
-
-    Raises
-    ------
-    ValueError
-        If there are more than 60 paths.
     """
     firing = paths if isinstance(paths, ThrusterFiring) else None
     single_paths = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
@@ -366,7 +353,7 @@ def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFirin
     return f"{said} in total; {called[k]} has the largest delta-v, {speed(spent[k])}"
 
 
-@picture
+@picture("there is no such spacecraft")
 def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> Figure:
     """Plot the pulses of each thruster of a spacecraft against time, over the planned thrust.
 
@@ -381,11 +368,6 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
         Index of the spacecraft.
     name : str, optional
         Name of the spacecraft; default: its index if there are several.
-
-    Raises
-    ------
-    ValueError
-        If there is no such spacecraft.
     """
     if name is not None:
         instance("name", name, str)

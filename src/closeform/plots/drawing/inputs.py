@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from os import PathLike
+from textwrap import fill
 from typing import IO, Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -21,6 +22,7 @@ LOOKS = 201  # instants at which two paths are compared
 UNSEEN = 1e-4  # of the extent of a path: a smaller difference is below one pixel
 HEADING = re.compile(r"^(\w+)\n-+\n", re.MULTILINE)
 RETURNS = "Figure\n    Matplotlib figure; save it with its `savefig` method."
+WRAP: dict[str, Any] = {"width": 106, "initial_indent": "    ", "subsequent_indent": "    "}
 TYPE = "an argument has the wrong type"
 
 
@@ -160,26 +162,33 @@ BY_ANNOTATION = {
 }
 
 
-def picture(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a plot function that checks its arguments and has a complete docstring.
+def picture(raises: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return the decorator of a plot function, which checks its arguments and completes its docstring.
 
     An argument whose name or annotation is one of the above is checked at each call. The docstring describes
-    the others; it gets the entries of those that it does not describe, the figure under Returns, and what
-    the checks raise.
+    the others; it gets the entries of those that it does not describe, the figure under Returns, and under
+    Raises the conditions of the function, `raises`, and of the checks.
     """
-    signature = inspect.signature(function)
-    kinds = {name: kind for name, one in signature.parameters.items() if (kind := kind_of(one)) is not None}
 
-    @wraps(function)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        given = signature.bind(*args, **kwargs).arguments
-        for name, kind in kinds.items():
-            if name in given and (given[name] is not None or signature.parameters[name].default is not None):
-                kind.check(name, given[name])
-        return function(*args, **kwargs)
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        signature = inspect.signature(function)
+        kinds = {
+            name: kind for name, one in signature.parameters.items() if (kind := kind_of(one)) is not None
+        }
 
-    checked.__doc__ = documented(inspect.getdoc(function) or "", signature, kinds)
-    return checked
+        @wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            given = signature.bind(*args, **kwargs).arguments
+            for name, kind in kinds.items():
+                absent = given.get(name) is None and signature.parameters[name].default is None
+                if name in given and not absent:
+                    kind.check(name, given[name])
+            return function(*args, **kwargs)
+
+        checked.__doc__ = documented(inspect.getdoc(function) or "", signature, kinds, raises)
+        return checked
+
+    return decorated
 
 
 def kind_of(parameter: inspect.Parameter) -> Argument | None:
@@ -187,7 +196,7 @@ def kind_of(parameter: inspect.Parameter) -> Argument | None:
     return BY_NAME.get(parameter.name) or BY_ANNOTATION.get(parameter.annotation.removesuffix(" | None"))
 
 
-def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argument]) -> str:
+def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argument], raises: str) -> str:
     """Return a docstring with complete sections Parameters, Returns and Raises."""
     opening, *rest = HEADING.split(text)
     sections = {name: body.strip() for name, body in zip(rest[::2], rest[1::2], strict=True)}
@@ -204,13 +213,15 @@ def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argumen
             else ", default none"
         )
         entries.setdefault(name, f"{name} : {kind.kind}{more}\n    {kind.words}")
-    own = " ".join(sections.get("Raises", "").removeprefix("ValueError").split()).removesuffix(".")
     *most, last = dict.fromkeys([*(kind.raises for kind in kinds.values() if kind.raises), TYPE])
-    raised = f"{', '.join(most)}, or {last}" if most else last
+    checks = f"{', '.join(most)}, or {last}" if most else last
     whole = {"Parameters": "\n".join(dict.fromkeys(entries[name] for name in signature.parameters))}
     if signature.return_annotation == "Figure":
         whole["Returns"] = RETURNS
-    whole["Raises"] = f"ValueError\n    {own}; also if {raised}." if own else f"ValueError\n    If {raised}."
+    every = f"If {raises}; also if {checks}." if raises else f"If {checks}."
+    whole["Raises"] = "ValueError\n" + fill(every, **WRAP)
+        f"If {raises}; also if {checks}." if raises else f"If {checks}.", **WRAP
+    )
     whole |= {name: body for name, body in sections.items() if name not in whole}
     return opening.rstrip() + "".join(
         f"\n\n{name}\n{'-' * len(name)}\n{body}" for name, body in whole.items()
