@@ -220,8 +220,6 @@ def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argumen
         whole["Returns"] = RETURNS
     every = f"If {raises}; also if {checks}." if raises else f"If {checks}."
     whole["Raises"] = "ValueError\n" + fill(every, **WRAP)
-        f"If {raises}; also if {checks}." if raises else f"If {checks}.", **WRAP
-    )
     whole |= {name: body for name, body in sections.items() if name not in whole}
     return opening.rstrip() + "".join(
         f"\n\n{name}\n{'-' * len(name)}\n{body}" for name, body in whole.items()
