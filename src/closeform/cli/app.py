@@ -162,7 +162,7 @@ def run(
 
         page.write(Shown.of_mission(mission), under_way, pictures)
         if report.flights is not None:
-            page.write(Shown.of_flight(report.flights), under_way, pictures, WORST_FLIGHT)
+            page.write(Shown.of_simulations(report.flights), under_way, pictures, WORST_FLIGHT)
 
     notes = stderr()
     try:

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from closeform.report.description import Table
+    from closeform.report.page import CommandReport
     from closeform.report.run import RunReport
-    from closeform.report.screening import EncounterReport, ScreenReport
-    from closeform.report.simulation import SimulationReport
     from closeform.report.study import StudyReport
 
 WIDTH = 100  # columns of a terminal's output
@@ -231,7 +230,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path
 
 
-def tell_screen(report: "ScreenReport | EncounterReport | SimulationReport", place: Path) -> None:
+def tell_screen(report: "CommandReport", place: Path) -> None:
     """Print the report of a screening, an encounter or a simulation, and the place of its results."""
     console = stdout()
     say(console, *report.opening, *report.lines)

@@ -11,6 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from closeform.mission.verdict import MET
 from closeform.report.description import Column, Section, Table
 from closeform.report.picture import Progress, Shot, drawn
 from closeform.storage.result_folder import (
@@ -356,3 +357,46 @@ def write(
     links = [(name, words) for name, words in MOVING.items() if name in beside]
     folder.text(REPORT, document(replace(head, links=links), [*chapters, repeat.section(beside)], shots))
     folder.summary(figures)
+
+
+@dataclass(frozen=True, eq=False)
+class CommandReport:
+    """Report on the files of a `command`: what the terminal, the page, `summary.json` and tables show.
+
+    - `subject`: what was evaluated, for the animated page.
+    - `opening`, `lines`, `tables`, `verdict`: printed in this order; `about`: lines below the title.
+    - `chapters`: sections of the page except the one on reproduction.
+    - `figures`: for `summary.json`; `files`: columns of tables by name.
+    - `beside`: writes further files.
+    """
+
+    command: Command
+    subject: Any
+    title: str
+    opening: tuple[str, ...]
+    about: Sequence[str]
+    lines: tuple[str, ...]
+    tables: tuple[Table, ...]
+    verdict: Any
+    chapters: tuple[Section, ...]
+    figures: Mapping[str, Any]
+    files: Mapping[str, Mapping[str, Any]]
+    warnings: Sequence[str] = ()
+    beside: Callable[[Folder], object] = lambda folder: None
+
+    def write(
+        self, folder: Folder, progress: Progress = lambda text: None, viewer: Viewer | None = None
+    ) -> None:
+        """Fill a result folder with all files; `viewer` writes the animated page."""
+        progress("writing tables")
+        for name, columns in self.files.items():
+            folder.table(name, columns)
+        self.beside(folder)
+        head = Head(self.title, self.about, str(self.verdict), self.verdict.status == MET, self.warnings)
+        figures = {
+            "kind": self.figures["kind"],
+            "title": self.title,
+            **self.command.figures,
+            **self.figures,
+        }
+        write(folder, head, self.chapters, self.command.repeat, figures, progress, viewer)

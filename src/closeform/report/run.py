@@ -334,7 +334,7 @@ class RunReport:
             return None
         from closeform.report.simulation import SimulationContent  # most runs do not need these kernels
 
-        return SimulationContent(self.mission.flights)
+        return SimulationContent.of(self.mission.flights)
 
     @cached_property
     def in_flight(self) -> tuple[Section, ...]:
@@ -344,7 +344,7 @@ class RunReport:
             return (Section(SIMULATED, (f"Not simulated: {mission.grounded}",)),)
         if mission.scenario.flights is not None and not mission.flown:
             return (Section(SIMULATED, ("Not simulated: the mission stopped in its first stage",)),)
-        return () if self.flights is None else (self.flights.section(SIMULATED, self.flights.opening[1:]),)
+        return () if self.flights is None else (self.flights.section(SIMULATED, self.flights.opening),)
 
     @property
     def origin(self) -> tuple[str, ...]:
@@ -455,7 +455,10 @@ class RunReport:
         progress("writing tables")
         tables = {**self.files, "paths": states(self.mission), **exact(self.mission)}
         if self.flights is not None:
-            tables |= {WORST_PATHS if name == "paths" else name: one for name, one in self.flights.stored}
+            from closeform.report.simulation import stored
+
+            simulated = stored(self.flights.simulated)
+            tables |= {WORST_PATHS if name == "paths" else name: one for name, one in simulated}
         for name, columns in tables.items():
             folder.table(name, columns)
         folder.csv("burns", self.files.get("burns", {}))
