@@ -161,11 +161,11 @@ class AvoidResult:
         from closeform.planning.requirements.requirement import Requirement
 
         for name, one in self.required.items() if self.plan.ok else ():
-            held, text, least = one.holds(path), f"{name} of {self.craft}", inf
+            held, text, least, by = one.holds(path), f"{name} of {self.craft}", inf, ""
             if isinstance(one, Requirement):
                 least = one.worst_margin(path)
-                text += f" (margin {least:.3g} {one.unit})"
-            yield Asked(f"{text} is kept", f"{text} is not kept", held, least, name)
+                by = f" by {abs(least):.3g} {one.unit}"
+            yield Asked(f"{text} is kept{by}", f"{text} is not kept{by * (least < 0.0)}", held, least, name)
 
     @property
     def names(self) -> tuple[str, ...]:
