@@ -33,7 +33,7 @@ from closeform.report.description import (
 )
 from closeform.report.page import Repeat
 from closeform.report.picture import Film, Picture, Progress
-from closeform.report.sections import conflicts, effort, model, moves, searches, uncertain
+from closeform.report.sections import conflicts, effort, model, moves, passive, searches, uncertain
 from closeform.report.sections.conflicts import RATIO
 from closeform.report.sections.effort import first_of_each
 from closeform.scenario import (
@@ -492,18 +492,19 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     if not result.flown and result.failure is not None:  # the verdict has the full reason
         why = result.failure if plan is None or plan.ok else str(plan.status)
         failed.append(f"Not executed: {in_short(why)}")
-    pictures = own.pictures + conflicts.drift_pictures(result)
+    safe = passive.section(result)
+    pictures = own.pictures + safe.pictures
     large = [one for one in pictures if isinstance(one, Film) and one.most < count]
     whole = replace(
         own,
         lines=(
             *failed,
-            *conflicts.drift_lines(result),
+            *safe.lines,
             *model.predicted(mission, result),
             *conflicts.zones(result.before),
             *own.lines,
         ),
-        tables=own.tables + conflicts.drift_tables(result),
+        tables=own.tables + safe.tables,
         closing=(
             *model.margin(result),
             *own.closing,
@@ -536,14 +537,14 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "after": conflicts.figures(result.after),
             **own.figures,
             **(effort.limit_figures(mission, result) if found else {}),
-            **conflicts.drift_figures(result),
+            **safe.figures,
             **model.error_figures(result),
         },
         files={
             **conflicts.tables_of({"before": result.before, "after": result.after}),
             **effort.files(mission, result),
             **own.files,
-            **conflicts.drift_files(result),
+            **safe.files,
         },
     )
     epoch = mission.scenario.epoch

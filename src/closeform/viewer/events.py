@@ -8,8 +8,8 @@ import numpy as np
 
 from closeform.mission.mission_result import FirstLocks, StageResult
 from closeform.report.description import fate
-from closeform.report.sections.conflicts import event as failure
-from closeform.report.sections.conflicts import near as clearance
+from closeform.report.sections.passive import event as failure
+from closeform.report.sections.passive import near as clearance
 from closeform.report.sections.searches import BURNS, met, replayed
 from closeform.search.gathering.result import EventKind, Gathering
 from closeform.viewer.meetings import closest, flights, places_of
