@@ -392,12 +392,12 @@ class SquareView:
 
 def squares(views: Sequence[SquareView], said: str) -> Figure:
     """Return a figure of square views side by side."""
-    figure = sheet(6.3, layout="compressed")
+    figure = sheet(6.6)
     shown = []
     for axes, view in zip(figure.subplots(1, len(views)), views, strict=True):
         unit = length_unit(view.half)
         limits = (np.asarray(view.middle)[:, None] + view.half * np.array([-1.0, 1.0])) / unit.size
-        axes.set(xlim=limits[0], ylim=limits[1], aspect="equal")
+        axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="S")  # so that labels have room
         dress(axes)
         plain(axes.set_title(view.scene.title, fontsize=SMALL, color=INK))
         for axis, name in zip((axes.xaxis, axes.yaxis), view.axes_names, strict=True):

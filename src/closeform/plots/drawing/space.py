@@ -308,8 +308,8 @@ def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str,
     room = 0.06 * float((top - low).max() or 1.0)
     low, top = low - room, top + room
     inches = min(axes.bbox.width, axes.bbox.height) / float(axes.figure.dpi)
-    size = float(np.clip(11.0 * inches, 18.0, 32.0))  # points
-    share = min(0.5, (1.9 * size + 16.0) / (72.0 * inches))  # of the height: the directions
+    size = float(np.clip(9.0 * inches, 17.0, 32.0))  # points
+    share = min(0.4, (1.5 * size + 12.0) / (72.0 * inches))  # of the height: the directions
     wide, high = top - low
     below = max(0.0, 2.0 * share * wide - wide + high)
     below = below if high + below <= wide else share * high / (1.0 - share)
@@ -342,7 +342,7 @@ def triad(axes: Axes, camera: Camera, directions: dict[str, Floats], size: float
         arrows = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", start + tip, start, arrowprops=arrows, **look)
         aside = 0 if abs(tip[0]) < 0.3 * np.hypot(*tip) else int(np.sign(tip[0]))
-        place = start + tip + [4.0 * aside, 8.0 * np.sign(tip[1])]
+        place = start + tip + [4.0 * aside, (8.0 if aside else 12.0) * np.sign(tip[1])]
         ends: dict[str, Any] = {
             "ha": ("center", "left", "right")[aside],
             "va": "center",
