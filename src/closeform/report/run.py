@@ -49,7 +49,6 @@ from closeform.scenario import (
     Transfer,
 )
 from closeform.scenario.load import toml
-from closeform.search.gathering.result import EventKind, Gathering
 from closeform.storage import arc_tables
 from closeform.storage.result_folder import Folder
 
@@ -281,7 +280,11 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
         "names": names,
         "zone": mission.scenario.zones,
         "titles": titles,
-        "locks": [lock for result in flown for lock in locks(result)],
+        "locks": [
+            (result.start + time, *pair)
+            for result in flown
+            for time, *pair in searches.locks_of(result.result)
+        ],
     }
     paths = [result.after.paths for result in flown]
     whole = Picture("overview", "The whole mission", "overview", (paths,), options)
@@ -292,18 +295,6 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
             whole, stage=f"Stopped in {short(mission.stopped)}; shown are the stages before that", failed=True
         ),
     )
-
-
-def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:
-    """Yield the time [s] and the indices of the two spacecraft of each lock in a stage."""
-    found = result.result
-    if isinstance(found, Gathering):
-        for event in found.events:
-            if event.kind is EventKind.LOCK:
-                yield result.start + event.time, event.first, event.second
-    elif isinstance(found, FirstLocks):
-        pairs = zip(found.pairs.tolist(), found.locks.time.tolist(), found.locks.leg.tolist(), strict=True)
-        yield from ((result.start + time, one, other) for (one, other), time, leg in pairs if leg >= 0)
 
 
 @dataclass(frozen=True, eq=False)

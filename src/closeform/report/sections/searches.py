@@ -216,6 +216,19 @@ def lock(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
     )
 
 
+def locks_of(found: Any) -> list[tuple[float, int, int]]:
+    """Return the locks of a stage, none if it does not search: time from its start [s] and the two craft."""
+    if isinstance(found, Gathering):
+        return [
+            (event.time, event.first, event.second) for event in found.events if event.kind is EventKind.LOCK
+        ]
+    if isinstance(found, FirstLocks):
+        met = np.flatnonzero(found.locks.leg >= 0)
+        pairs, times = found.pairs[met].tolist(), found.locks.time[met].tolist()
+        return [(time, first, second) for time, (first, second) in zip(times, pairs, strict=True)]
+    return []
+
+
 def lock_row(found: FirstLocks, k: int, names: tuple[str, ...]) -> tuple[Any, ...]:
     """Return a row of LOCKS for pair k, with None for a pair that never locks."""
     (one, other), leg = found.pairs[k], int(found.locks.leg[k])
