@@ -163,9 +163,7 @@ def quantiles(found: Spread) -> dict[str, Any]:
     return {"mean": found.mean, **middle, **ends}
 
 
-def spread_table(
-    title: str, heading: str, spreads: Mapping[str, Spread], digits: int = 4
-) -> tuple[Table, ...]:
+def spread_table(title: str, heading: str, spreads: Mapping[str, Spread]) -> tuple[Table, ...]:
     """Return the table of mean, quantiles and maximum of each spread; times have two decimals."""
     rows = [spread_row(name, one, 2 if name.startswith("time") else 4) for name, one in spreads.items()]
     fewest = min((one.count for one in spreads.values()), default=0)
