@@ -99,33 +99,26 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         (float(np.linalg.norm(jump)) for path in single_paths for _, jump in path.impulses), default=0.0
     )
 
-    figure, panels = chart(9.0, [1.25, 1, 1, 1])
-    names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
-    for axes, (name, colour) in zip(panels, names, strict=True):
-        axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
-        if axes is not panels[0]:
-            axes.axhline(0, color=INK, linewidth=0.8)
     spent = speed_unit(max(path.delta_v for path in single_paths))
-    lines, words = [], []
-    words_of_cost = [f"{name} {speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
-    for path, (colour, dashes), name in zip(
-        single_paths, LINES[len(single_paths) - 1 :: -1], labels, strict=True
-    ):
+    names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
+    curves: list[list[Curve]] = [[] for _ in names]
+    looks = LINES[len(single_paths) - 1 :: -1]
+    for path, (colour, dashes), name in zip(single_paths, looks, labels, strict=True):
         times = instants(path.start, path.end, path)
-        push = force * path.thrust(times)
+        push = force * path.thrust(times) / unit.size
         energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
-        words.append(f"{name}: Δv {spent.text(path.delta_v)}{energy}")
-        for axes, curve in zip(panels, [np.linalg.norm(push, axis=1), *push.T], strict=True):
-            look: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 2.2}
-            (line,) = axes.plot(ticks(times), curve / unit.size, **look)
-        lines.append(line)
-    for axes in panels:
-        level(axes, 1.1 * max(np.abs(axes.get_ylim())), axes is panels[0])
+        words = f"{name}: Δv {spent.text(path.delta_v)}{energy}"
+        for own, values in zip(curves, [np.linalg.norm(push, axis=1), *push.T], strict=True):
+            own.append(Curve(times, values, "" if own is not curves[0] else words, colour, dashes, 2.2))
+    panels = [Panel(f"{name} [{unit.name}]", own) for (name, _), own in zip(names, curves, strict=True)]
+    costs = [f"{name} {speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
+    figure = series(f"Delta-v: {', '.join(costs)}", panels, ticks, start, end, height=9.0)
+    for axes, (_, colour) in zip(figure.axes, names, strict=True):
+        axes.yaxis.label.set(fontsize=SMALL, color=colour)
+        axes.axhline(0, color=INK, linewidth=0.8)
+        level(axes, max(np.abs(axes.get_ylim())), axes is figure.axes[0])
     if greatest > 0:
-        stems(panels, single_paths, ticks, greatest)
-    time_axes(panels, ticks, start, end)
-    legend(figure, lines, words, handlelength=2.6)
-    headline(figure, "Delta-v: " + ", ".join(words_of_cost))
+        stems(figure.axes[:4], single_paths, ticks, greatest)
     return figure
 
 
