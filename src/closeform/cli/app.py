@@ -16,10 +16,10 @@ from closeform.cli.console import (
     kept,
     one_line,
     open_output,
+    print_report,
     say,
     stderr,
     stdout,
-    tell_run,
     working,
 )
 from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, one_case, read
@@ -175,7 +175,7 @@ def run(
         complain(*error.lines)
         return BAD_INPUT
     with kept(place):
-        tell_run(report, place)
+        print_report(report, place)
     return mission.verdict.status
 
 

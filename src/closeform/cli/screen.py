@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform.cli.console import complain, kept, say, stderr, stdout, tell_screen, working
+from closeform.cli.console import complain, kept, print_report, say, stderr, stdout, working
 from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def left(made: "Callable[[], CommandReport]", place: Path, overwrite: bool) -> i
         with written(place):
             report.write(under_way, tell, viewer)
     with kept(place):
-        tell_screen(report, place)
+        print_report(report, place)
     status: int = report.verdict.status
     return status
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from closeform.cli.console import complain, kept, progress, say, stderr, stdout, tell_study, working
+from closeform.cli.console import complain, kept, print_report, progress, say, stderr, stdout, working
 from closeform.cli.inputs import BAD_INPUT, UsageError, read
 
 if TYPE_CHECKING:
@@ -63,7 +63,6 @@ def study(
     from closeform.campaign import requested
     from closeform.campaign.chunks import ChunkError, Stored
     from closeform.mission.verdict import MET, NOT_MET
-    from closeform.report.study import draw_lines
     from closeform.scenario import ScenarioError
 
     notes = stderr()
@@ -99,7 +98,7 @@ def study(
     except ValueError as error:  # --cases or --seed
         raise UsageError(f"--{error}") from None
     with kept(place):
-        tell_study(report, draw_lines(campaign), place)
+        print_report(report, place)
     return MET if campaign.ok else NOT_MET
 
 

@@ -334,6 +334,12 @@ class CommandReport:
     files: Mapping[str, Mapping[str, Any]]
     warnings: Sequence[str] = ()
     beside: Callable[[Folder], object] = lambda folder: None
+    noted = hint = ()
+
+    @property
+    def printed(self) -> tuple[Section, ...]:
+        """What the terminal shows."""
+        return (Section("", (*self.opening, *self.lines), self.tables),)
 
     def write(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: Viewer | None = None

@@ -1,6 +1,6 @@
 """Report of a run: the request, the outcome, and one section per stage."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby, takewhile
@@ -15,7 +15,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach
 from closeform.conflicts.two_paths import nearest_first
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
-from closeform.mission.verdict import conflicts_of
+from closeform.mission.verdict import Verdict, conflicts_of
 from closeform.report import page
 from closeform.report.description import (
     MOST_ROWS,
@@ -302,6 +302,23 @@ class RunReport:
     """Report on a mission."""
 
     mission: Mission
+    hint = ()
+
+    @property
+    def printed(self) -> tuple[Section, ...]:
+        """What the terminal shows: the opening, the stages, simulations, and the use in the whole mission."""
+        opening = Section("", (self.mission.scenario.title, self.opening, *self.origin))
+        return opening, *self.sections, *self.in_flight, Section("", tables=self.closing)
+
+    @property
+    def noted(self) -> Sequence[str]:
+        """Warnings."""
+        return self.mission.warnings
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the mission."""
+        return self.mission.verdict
 
     @property
     def opening(self) -> str:

@@ -66,6 +66,12 @@ class StudyReport:
     requested: tuple[Table, ...] = ()
     sure: Sequence[tuple[str, str]] = ()
     notable: Callable[[Replays], tuple[Table, ...]] = lambda replays: ()
+    noted = ()
+
+    @property
+    def printed(self) -> tuple[Section, ...]:
+        """What the terminal shows, with what was sampled for the cases."""
+        return (Section("", (*self.opening, *draw_lines(self.campaign)), self.tables),)
 
     def chapters(self, replays: Replays) -> Iterator[Section]:
         """Yield the sections of the page except the one on reproduction."""
