@@ -551,7 +551,7 @@ def extra_cost(path: Path, avoidance: Path) -> str:
 # ----- free drift after a loss of thrust
 
 
-@picture("under the same conditions as in `drift_approach`")
+@picture("the arguments do not suit `drift_approach`")
 def drift_fan(
     path: Path, other: Path, zone: Zone, until: float, names: Sequence[str] | None = None
 ) -> Figure:

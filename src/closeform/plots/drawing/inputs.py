@@ -81,7 +81,7 @@ def output(name: str, given: Any) -> None:
         raise ValueError(f"{name}: expected a path or an open file, got {shown(given)}")
 
 
-def function(name: str, given: Any) -> None:
+def callback(name: str, given: Any) -> None:
     """Raise ValueError unless an argument is None or a function."""
     if given is not None and not callable(given):
         raise ValueError(f"{name}: expected a function, got {shown(given)}")
@@ -96,10 +96,6 @@ def of(kind: str) -> Callable[[str, Any], None]:
             raise ValueError(f"{name}: expected {kind}, got {shown(given)}")
 
     return check
-
-
-def unchecked(name: str, given: Any) -> None:
-    """Accept anything: the function itself checks this argument."""
 
 
 # ----- what documentation says of them
@@ -157,7 +153,7 @@ BY_ANNOTATION = {
     "Progress": Argument(
         "callable of int and int",
         "Function called with the number of finished frames and the total.",
-        function,
+        callback,
     ),
 }
 
@@ -172,20 +168,20 @@ def picture(raises: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         signature = inspect.signature(function)
-        kinds = {
-            name: kind for name, one in signature.parameters.items() if (kind := kind_of(one)) is not None
-        }
+        parameters = signature.parameters
+        kinds = {name: kind for name in parameters if (kind := kind_of(parameters[name])) is not None}
 
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
             given = signature.bind(*args, **kwargs).arguments
             for name, kind in kinds.items():
-                absent = given.get(name) is None and signature.parameters[name].default is None
+                absent = given.get(name) is None and parameters[name].default is None
                 if name in given and not absent:
                     kind.check(name, given[name])
             return function(*args, **kwargs)
 
-        checked.__doc__ = documented(inspect.getdoc(function) or "", signature, kinds, raises)
+        if (text := inspect.getdoc(function)) is not None:  # None in `python -OO`
+            checked.__doc__ = documented(text, signature, kinds, raises)
         return checked
 
     return decorated
@@ -205,13 +201,7 @@ def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argumen
         entries |= dict.fromkeys(entry.partition(" : ")[0].split(", "), entry.strip())
     for name, kind in kinds.items():
         default = signature.parameters[name].default
-        more = (
-            ""
-            if default is inspect.Parameter.empty
-            else ", optional"
-            if default is None
-            else ", default none"
-        )
+        more = {None: ", optional", (): ", default none"}.get(default, "")
         entries.setdefault(name, f"{name} : {kind.kind}{more}\n    {kind.words}")
     *most, last = dict.fromkeys([*(kind.raises for kind in kinds.values() if kind.raises), TYPE])
     checks = f"{', '.join(most)}, or {last}" if most else last
