@@ -211,6 +211,5 @@ def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argumen
     every = f"If {raises}; also if {checks}." if raises else f"If {checks}."
     whole["Raises"] = "ValueError\n" + fill(every, **WRAP)
     whole |= {name: body for name, body in sections.items() if name not in whole}
-    return opening.rstrip() + "".join(
-        f"\n\n{name}\n{'-' * len(name)}\n{body}" for name, body in whole.items()
-    )
+    parts = [f"{name}\n{'-' * len(name)}\n{body}" for name, body in whole.items()]
+    return "\n\n".join([opening.rstrip(), *parts]) + "\n"
