@@ -219,7 +219,7 @@ def print_report(report: "RunReport | CommandReport | StudyReport", place: Path)
                 show(console, table)
         if section.closing:
             say(console, "", *section.closing)
-    say(console, "", *(f"Warning: {line}" for line in report.noted))
+    say(console, "", *(f"Warning: {line}" for line in report.printed_warnings))
     for line in report.hint:
         put(console, line, soft_wrap=True)
     end = f"{report.verdict}; "

@@ -334,7 +334,7 @@ class CommandReport:
     files: Mapping[str, Mapping[str, Any]]
     warnings: Sequence[str] = ()
     beside: Callable[[Folder], object] = lambda folder: None
-    noted = hint = ()
+    printed_warnings = hint = ()
 
     @property
     def printed(self) -> tuple[Section, ...]:

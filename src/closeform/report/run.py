@@ -311,7 +311,7 @@ class RunReport:
         return opening, *self.sections, *self.in_flight, Section("", tables=self.closing)
 
     @property
-    def noted(self) -> Sequence[str]:
+    def printed_warnings(self) -> Sequence[str]:
         """Warnings."""
         return self.mission.warnings
 

@@ -66,7 +66,7 @@ class StudyReport:
     requested: tuple[Table, ...] = ()
     sure: Sequence[tuple[str, str]] = ()
     notable: Callable[[Replays], tuple[Table, ...]] = lambda replays: ()
-    noted = ()
+    printed_warnings = ()
 
     @property
     def printed(self) -> tuple[Section, ...]:
