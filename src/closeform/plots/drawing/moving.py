@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from closeform.arrays import Floats
 from closeform.plots.drawing.inputs import File, Progress
 from closeform.plots.drawing.palette import INK
 from closeform.plots.drawing.space import Camera
-from closeform.plots.drawing.text import SMALL, follow, plain, word
+from closeform.plots.drawing.text import follow, plain, word
 
 COLOURS = 128  # per animation; twice as many make the file 10 % larger without a visible gain
 TYPICAL = 5  # frames from which the palette is computed
@@ -70,8 +69,8 @@ class MovingView:
 
     def dots(self, name: str, points: Floats, marker: str, **look: Any) -> None:
         """Draw marks at points (K, 3) [m]."""
-        make = partial(self.axes.plot, [], [], marker, **look)
-        self.made(name, lambda: make()[0]).set_data(*self.flat(points).T)
+        made = self.made(name, lambda: self.axes.plot([], [], marker, **look)[0])
+        made.set_data(*self.flat(points).T)
 
     def points(self, name: str, points: Floats, edges: Any, **look: Any) -> None:
         """Draw discs at points (K, 3) [m] with the colours of their edges."""
@@ -83,9 +82,9 @@ class MovingView:
     def names(self, texts: Sequence[str], points: Floats, tints: Sequence[Any]) -> None:
         """Write names beside points (K, 3) [m], where there is room."""
         for text, tint in zip(texts[len(self.labels) :], tints[len(self.labels) :], strict=True):
-            look: dict[str, Any] = {"color": tint, "fontsize": SMALL, "annotation_clip": True}
-            made = plain(self.axes.annotate(text, (0, 0), (6, 5), textcoords="offset points", **look))
-            self.labels.append(self.made(f"name {len(self.labels)}", partial(lambda one: one, made)))
+            made = plain(word(self.axes, (0, 0), text, tint, ha="left", annotation_clip=True))
+            self.artists[f"name {len(self.labels)}"] = made
+            self.labels.append(made)
         follow(self.axes, self.labels, self.flat(points))
 
     def write(self, name: str, text: str, place: Any, colour: Any = INK, **look: Any) -> None:

@@ -309,7 +309,7 @@ def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str,
     low, top = low - room, top + room
     inches = min(axes.bbox.width, axes.bbox.height) / float(axes.figure.dpi)
     size = float(np.clip(9.0 * inches, 17.0, 32.0))  # points
-    share = min(0.4, (1.5 * size + 12.0) / (72.0 * inches))  # of the height: the directions
+    share = min(0.4, (1.5 * size + 17.0) / (72.0 * inches))  # of the height: the directions
     wide, high = top - low
     below = max(0.0, 2.0 * share * wide - wide + high)
     below = below if high + below <= wide else share * high / (1.0 - share)
@@ -329,7 +329,7 @@ def triad(axes: Axes, camera: Camera, directions: dict[str, Floats], size: float
     """Draw named directions in the lower left corner; one along the line of sight is a dot in a ring."""
     corner: Any = OffsetFrom(axes.bbox, (0.0, 0.0), "points")
     tips = {name: size * camera(axis) for name, axis in directions.items()}
-    start = np.array([18.0, 18.0]) - np.minimum(0.0, np.min([*tips.values()], axis=0))
+    start = np.array([18.0, 23.0]) - np.minimum(0.0, np.min([*tips.values()], axis=0))
     start[0] += 6.0 * max(map(len, tips))
     look: dict[str, Any] = {"xycoords": corner, "textcoords": corner}
     for name, tip in tips.items():
