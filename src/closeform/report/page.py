@@ -339,7 +339,8 @@ class CommandReport:
     @property
     def printed(self) -> tuple[Section, ...]:
         """What the terminal shows."""
-        return (Section("", (*self.opening, *self.lines), self.tables),)
+        tables = tuple(replace(one, folded=False) for one in self.tables)
+        return (Section("", (*self.opening, *self.lines), tables),)
 
     def write(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: Viewer | None = None

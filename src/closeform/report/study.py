@@ -71,7 +71,8 @@ class StudyReport:
     @property
     def printed(self) -> tuple[Section, ...]:
         """What the terminal shows, with what was sampled for the cases."""
-        return (Section("", (*self.opening, *draw_lines(self.campaign)), self.tables),)
+        tables = tuple(replace(one, folded=False) for one in self.tables)
+        return (Section("", (*self.opening, *draw_lines(self.campaign)), tables),)
 
     def chapters(self, replays: Replays) -> Iterator[Section]:
         """Yield the sections of the page except the one on reproduction."""
