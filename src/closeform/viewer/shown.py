@@ -99,9 +99,7 @@ class Shown:
             "simulate": cls.of_flight,
         }
         shown = makers[report.command.name](report.subject)
-        words = report.title, report.opening[0], str(report.verdict)
-        ok, title = report.verdict.status == MET, f"{shown.title}{words[0]}"
-        return replace(shown, title=title, opening=words[1], verdict=words[2], ok=ok)
+        return shown._worded(report.title, report.opening[0], report.verdict)
 
     @classmethod
     def _of_screening(cls, screened: "Screened") -> Self:
@@ -133,9 +131,13 @@ class Shown:
     @classmethod
     def of_simulations(cls, content: "SimulationContent") -> Self:
         """Return the worst simulation of a run, with the words of its report."""
-        shown, verdict = cls.of_flight(content.simulated), content.simulated.entered
-        title, ok = shown.title + content.title, verdict.status == MET
-        return replace(shown, title=title, opening=content.title, verdict=str(verdict), ok=ok)
+        shown = cls.of_flight(content.simulated)
+        return shown._worded(content.title, content.title, content.simulated.entered)
+
+    def _worded(self, title: str, opening: str, verdict: Any) -> Self:
+        """Return the same with the words of a report; its title follows the own one."""
+        ok = verdict.status == MET
+        return replace(self, title=self.title + title, opening=opening, verdict=str(verdict), ok=ok)
 
     @classmethod
     def _of_one(
