@@ -23,7 +23,7 @@ WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 LETTERS = 8.6  # characters of a headline per inch
 BANNER = 0.3  # inches: height of a line of the headline
 DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
-FAR = 12.0  # maximum clearance ratio of a linear axis
+FAR = 8.0  # maximum clearance ratio of a linear axis
 
 
 @dataclass(frozen=True)
