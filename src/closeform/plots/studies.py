@@ -241,7 +241,7 @@ def sweep(
     if any(called):
         legend(figure, lines, words)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
-    between = f"{least:.4g} to {most:.4g}" if most > least else f"{most:.4g}"
+    between = f"{least:.3g} to {most:.3g}" if most > least else f"{most:.3g}"
     headline(figure, f"All requirements are met in {between} % of cases")
     return figure
 
