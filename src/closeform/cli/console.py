@@ -223,7 +223,7 @@ def print_report(report: "RunReport | CommandReport | StudyReport", place: Path)
     for line in report.hint:
         put(console, line, soft_wrap=True)
     end = f"{report.verdict}; "
-    if len(end) > WIDTH:
+    if len(end) > WIDTH and report.wraps:
         say(console, *textwrap.wrap(str(report.verdict), WIDTH, subsequent_indent="  "))
         end = ""
     put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path

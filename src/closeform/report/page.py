@@ -335,6 +335,7 @@ class CommandReport:
     warnings: Sequence[str] = ()
     beside: Callable[[Folder], object] = lambda folder: None
     printed_warnings = hint = ()
+    wraps = False  # whether a long verdict is broken into lines
 
     @property
     def printed(self) -> tuple[Section, ...]:

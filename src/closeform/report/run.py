@@ -303,6 +303,7 @@ class RunReport:
 
     mission: Mission
     hint = ()
+    wraps = True  # whether a long verdict is broken into lines
 
     @property
     def printed(self) -> tuple[Section, ...]:

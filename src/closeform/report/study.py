@@ -67,6 +67,7 @@ class StudyReport:
     sure: Sequence[tuple[str, str]] = ()
     notable: Callable[[Replays], tuple[Table, ...]] = lambda replays: ()
     printed_warnings = ()
+    wraps = False  # whether a long verdict is broken into lines
 
     @property
     def printed(self) -> tuple[Section, ...]:
