@@ -10,8 +10,8 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.mission.mission import fly
-from closeform.report import moves
 from closeform.report.run import RunReport
+from closeform.report.sections import moves
 from closeform.scenario import ScenarioError, parse
 from test_least_delta_v_plans import rates
 

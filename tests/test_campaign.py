@@ -26,10 +26,11 @@ from closeform.campaign import (
 from closeform.campaign.draws import searching, uniform
 from closeform.cli.app import main
 from closeform.cli.console import WIDTH
+from closeform.cli.study import report_of
 from closeform.confidence import estimate
 from closeform.mission.mission import fly
-from closeform.report.any_study import report_of
 from closeform.report.run import RunReport
+from closeform.report.study import by_detection, command
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gathering.gather import gather
 from closeform.search.gathering.result import Gathering
@@ -236,9 +237,7 @@ def test_s04s_count_in_the_second_ips_is_that_of_sampling(s04: tuple[Path, str])
     study = scenario.study.model_copy(update={"sampled": (1.0, 10.0, 20.0, 60.0)})
     campaign = evaluated(replace(scenario, study=study), 600_000)
     assert isinstance(campaign, LockCampaign)
-    counts = {
-        way: found["IPS 2"] / 4 for way, found in report_of(campaign, campaign.scenario).by_detection.items()
-    }
+    counts = {way: found["IPS 2"] / 4 for way, found in by_detection(campaign).items()}
     assert stats.poisson.sf(36, counts["exact"]) < 1e-3
     assert stats.poisson.sf(36, counts["every 1 s"]) < 1e-3
     assert 0.025 < stats.poisson.cdf(37, counts["every 20 s"]) < 0.975
@@ -355,7 +354,7 @@ def test_commands_that_are_told_can_be_pasted(file) -> None:
     study = ["closeform", "study", file, "--cases", "50"]
     (hint,) = report.hint
     assert as_words(hint)[:5] == run
-    assert as_words(report.command(f"case {case}")) == run
+    assert as_words(command(campaign, f"case {case}")) == run
     for one, told in ((RunReport(fly(case_of(scenario, case))).repeat, run), (report.repeat, study)):
         assert as_words(one(None).section(()).tables[0].rows[0][1]) == told
 

@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 import pytest
 
-import closeform.report.searches
+import closeform.report.sections.searches
 from closeform.cli.app import main
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -63,7 +63,7 @@ def test_console_blocks_show_what_is_printed(
     name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A line of `...` stands for omitted lines."""
-    monkeypatch.setattr(closeform.report.searches, "FILMED", 0)  # animations have tests of their own
+    monkeypatch.setattr(closeform.report.sections.searches, "FILMED", 0)  # animations have tests of their own
     for _, block in blocks(SESSIONS[name], "console"):
         command, *lines = block.splitlines()
         program, *arguments = shlex.split(command.removeprefix("$ "))

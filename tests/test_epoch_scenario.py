@@ -13,7 +13,7 @@ from astropy.time import Time, TimeDelta
 
 import closeform as cf
 from closeform.cli.app import main
-from closeform.cli.console import tell_run
+from closeform.cli.console import print_report
 from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
@@ -62,7 +62,7 @@ def run_output(folder, text, capsys):
     """Return lines, figures and tables of a run without pictures."""
     (folder / "two.toml").write_text(text)
     report = RunReport(cf.run(folder / "two.toml"))
-    tell_run(report, folder)
+    print_report(report, folder)
     lines = capsys.readouterr().out.splitlines()
     tables = report.files | {"paths": states(report.mission)}
     return (

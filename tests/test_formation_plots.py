@@ -364,16 +364,16 @@ def test_the_film_shows_who_is_where_and_closest():
     for time in scene.times:
         scene.show(time)
         where = states[:, :3] + time * states[:, 3:]
-        assert np.allclose(view.dots.get_offsets(), OBLIQUE(where))
+        assert np.allclose(view.artists["dots"].get_offsets(), OBLIQUE(where))
         gaps = np.linalg.norm(where[:, None] - where, axis=2) + 1e9 * np.eye(5)
         i, j = sorted(np.unravel_index(gaps.argmin(), gaps.shape))
         story = scene.story.get_text()
         assert f"{'ABCDE'[i]} and {'ABCDE'[j]}, " in story
         assert float(story.split(", ")[-1][:-2]) == pytest.approx(gaps.min(), rel=1e-3)
         hit = [any(k in pair and a <= time <= b for pair, (a, b) in stays.items()) for k in range(5)]
-        red = [np.allclose(edge, to_rgba(CONFLICT)) for edge in view.dots.get_edgecolors()]
+        red = [np.allclose(edge, to_rgba(CONFLICT)) for edge in view.artists["dots"].get_edgecolors()]
         assert red == hit
-        for trail, end in zip(view.trails.get_segments(), where, strict=False):
+        for trail, end in zip(view.artists["trails"].get_segments(), where, strict=False):
             assert not len(trail) or np.allclose(trail[-1], OBLIQUE(end))
 
 

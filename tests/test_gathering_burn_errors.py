@@ -10,7 +10,7 @@ from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCampaign
 from closeform.campaign.search_cases import GatherCampaign
 from closeform.mission.mission import fly
-from closeform.report import searches
+from closeform.report.sections import searches
 from closeform.scenario import parse
 from closeform.search.gathering.burn_errors import BurnErrors
 from closeform.search.gathering.gather import gather, gather_with_burn_errors

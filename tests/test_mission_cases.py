@@ -14,7 +14,7 @@ from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
 from closeform.mission.mission import fly
-from closeform.report.mission_study import MissionStudyReport
+from closeform.report.mission_study import missions_report
 from closeform.scenario import ScenarioError, parse
 from closeform.storage.result_folder import Folder
 from closeform.viewer import replays
@@ -206,7 +206,7 @@ def test_optimality_gap_column(missions):
 
 def test_tables_omit_empty_rows_and_columns(missions):
     """No 99.9 % of 24 cases, and no rows that are 0 in every case."""
-    (spent,) = (one for one in MissionStudyReport(missions).tables if one.title == "Cost of cases")
+    (spent,) = (one for one in missions_report(missions).tables if one.title == "Cost of cases")
     assert [column.heading for column in spent.shown][1:] == ["mean", "median", "95 %", "greatest", "in case"]
     told = [row[0] for row in spent.rows]
     assert "delta-v of A [m/s]" in told

@@ -50,9 +50,9 @@ def fly_file(tmp_path_factory):
     """Run a scenario file from the command line, with a short animation or none."""
 
     def run(file: Path, monkeypatch, capsys, filmed: int = 0) -> Run:
-        monkeypatch.setattr("closeform.report.searches.FILMED", filmed)
-        monkeypatch.setattr("closeform.report.searches.FRAMES", 2)
-        monkeypatch.setattr("closeform.report.searches.MOMENTS", 2)
+        monkeypatch.setattr("closeform.report.sections.searches.FILMED", filmed)
+        monkeypatch.setattr("closeform.report.sections.searches.FRAMES", 2)
+        monkeypatch.setattr("closeform.report.sections.searches.MOMENTS", 2)
         folder = tmp_path_factory.mktemp("run") / "results"
         capsys.readouterr()
         status = main(["run", str(file), "--out", str(folder)])
@@ -72,7 +72,7 @@ def two_apart(stage: str) -> str:
 
 
 def run_text(text: str, tmp_path: Path, monkeypatch, capsys) -> Run:
-    monkeypatch.setattr("closeform.report.searches.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.sections.searches.pictures", lambda *_: ())
     (tmp_path / "case.toml").write_text(text)
     status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
     return Run(status, capsys.readouterr().out, tmp_path / "results")
@@ -449,8 +449,8 @@ def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> N
 
 
 def test_progress_messages(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("closeform.report.searches.FRAMES", 2)
-    monkeypatch.setattr("closeform.report.searches.MOMENTS", 1)
+    monkeypatch.setattr("closeform.report.sections.searches.FRAMES", 2)
+    monkeypatch.setattr("closeform.report.sections.searches.MOMENTS", 1)
     said: list[str] = []
     mission = fly(parse(searched(position=PLACES, velocity=MOVING)), said.append)
     with folder(tmp_path / "results") as under_way:

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 import closeform as cf
 from bridge import hill
 from closeform.mission.mission import fly
-from closeform.report import effort
+from closeform.report.sections import effort
 from closeform.scenario import parse
 from hold_transfers import hold_transfers
 

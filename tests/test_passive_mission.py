@@ -18,8 +18,8 @@ from closeform.cli.app import main
 from closeform.dynamics.simulation.loss_of_thrust import sampled_losses
 from closeform.mission.mission import fly
 from closeform.mission.passive_safety import in_field
-from closeform.report import conflicts
 from closeform.report.run import RunReport
+from closeform.report.sections import passive
 from closeform.scenario import parse
 from test_field import textbook
 
@@ -228,10 +228,10 @@ FAILURES = {
 @pytest.mark.parametrize(("keys", "words"), FAILURES.items())
 def test_degraded_thrust_and_missed_burns_are_judged(keys, words):
     (result,) = flown(HEAD + APPROACH + f'drift = "2 orbits"\n{keys}\n').results
-    first, *_, second = conflicts.drift_lines(result)
+    first, *_, second = passive.section(result).lines
     assert words in first or result.passive.worst.ratio > 1.0
     assert "not planned for" in second
-    assert conflicts.drift_pictures(result) == ()
+    assert passive.section(result).pictures == ()
 
 
 def test_milder_degradation_is_safer():

@@ -146,13 +146,6 @@ def test_stub_says_what_the_package_says() -> None:
     assert stated == homes | modules
 
 
-def test_stub_of_pictures_says_what_the_package_says() -> None:
-    stub = ast.parse((PACKAGE / "plots" / "__init__.pyi").read_text())
-    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
-    stated = {(alias.asname, node.module) for node in imports for alias in node.names}
-    assert stated == {(name, f"closeform.plots.{module}") for name, module in cf.plots._HOMES.items()}
-
-
 def test_names_are_where_they_are_said_to_be() -> None:
     for name, module in cf._HOMES.items():
         assert getattr(cf, name) is getattr(importlib.import_module(f"closeform.{module}"), name)

@@ -10,8 +10,8 @@ import pytest
 from closeform.campaign import campaign
 from closeform.mission.mission import FLIES, fly
 from closeform.report import run
+from closeform.report.description import PAIR, PHASE, Column, Table
 from closeform.report.page import table as as_html
-from closeform.report.section import PAIR, PHASE, Column, Table
 from closeform.scenario import parse
 from closeform.scenario.stages import STAGES
 from closeform.storage.result_folder import Folder

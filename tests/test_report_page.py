@@ -15,8 +15,9 @@ import closeform as cf
 from closeform.cli.app import main
 from closeform.exchange.ccsds.oem import read_oem
 from closeform.mission.mission import fly
-from closeform.report import effort, model, run
+from closeform.report import run
 from closeform.report.run import RunReport
+from closeform.report.sections import effort, model
 from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
 from pages import assert_linked

@@ -10,7 +10,7 @@ from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.mission.executed_mission import History
 from closeform.mission.mission import fly
-from closeform.report import uncertain
+from closeform.report.sections import uncertain
 from closeform.scenario import parse
 from philox import block
 

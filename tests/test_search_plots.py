@@ -241,10 +241,10 @@ def test_cones_start_at_the_sensor(time):
     views.show(time)
     sun = views.parts[1]
     turn = RATE * time
-    drawn = outlines(sun.cones.bodies)
+    drawn = outlines(sun.artists["cones"])
     order = [0, 1, 2, 3, 4]  # those of A come first, and three of five are A
     assert FIVE.groups == ("A", "A", "A", "B", "B")
-    for outline, k, colour in zip(drawn, order, sun.cones.bodies.get_facecolor(), strict=True):
+    for outline, k, colour in zip(drawn, order, sun.artists["cones"].get_facecolor(), strict=True):
         sign = 1.0 if FIVE.groups[k] == "A" else -1.0
         boresight = sign * np.array([cos(turn), sin(turn)])  # counter-clockwise from the right
         apex = sun_view_of(FIVE.paths[k].position(time)) + 7.5 * boresight
@@ -261,11 +261,11 @@ def test_lines_join_locked_pairs():
         views = ThreeViews(FIVE, 0, None)
         views.show(event.time)
         ends = sun_view_of(FIVE.paths.position(event.time))[[event.first, event.second]]
-        bold = views.parts[1].now.get_segments()
+        bold = views.parts[1].artists["now"].get_segments()
         assert any(np.allclose(line, ends) or np.allclose(line[::-1], ends) for line in bold)
         views.show(event.time - 1.0)  # the pair is still outside of each other's cones
         ends = sun_view_of(FIVE.paths.position(event.time - 1.0))[[event.first, event.second]]
-        bold = views.parts[1].now.get_segments()
+        bold = views.parts[1].artists["now"].get_segments()
         assert not any(np.allclose(line, ends) or np.allclose(line[::-1], ends) for line in bold)
 
 

@@ -16,7 +16,7 @@ from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
 from closeform.dynamics.force_model.drag import EARTH_SPIN
 from closeform.mission.mission import fly
-from closeform.report.mission_study import MissionStudyReport
+from closeform.report.mission_study import missions_report
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
 from philox import block, words
@@ -218,7 +218,7 @@ def test_what_is_counted(missions):
         assert middle == pytest.approx(np.quantile(ratios, share), rel=1e-12)
         assert f"{said} {middle:.4g}" in headline.get_text()
     assert missions.spreads["simulated: delta-v of all craft [m/s]"].worst[0][0] == spent.max()
-    captions = [one.caption for one in MissionStudyReport(missions).pictures]
+    captions = [one.caption for one in missions_report(missions).pictures]
     assert captions[:2] == ["Delta-v of all craft, as planned", "Simulated delta-v of all craft"]
     reason = missions.column("reason")[flights.nearest[1]]
     assert reason == f"a zone is entered in simulation, minimum {ratios.min():.4f} x zone"

@@ -12,7 +12,7 @@ from closeform.campaign import evaluated
 from closeform.campaign.chunks import Held
 from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
-from closeform.report.mission_study import SweepReport, numbered
+from closeform.report.mission_study import numbered, sweep_report
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.study import points
 from test_campaign import as_words
@@ -53,7 +53,7 @@ def test_each_point_is_the_study_of_its_own_file(swept):
 
 def test_the_command_of_a_point_can_be_pasted():
     """A shell takes the name of the file as one word."""
-    (hint,) = SweepReport(evaluated(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
+    (hint,) = sweep_report(evaluated(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
     assert as_words(hint)[:7] == ["closeform", "run", "two words.toml", "--case", "K", "--point", "P"]
 
 

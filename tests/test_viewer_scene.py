@@ -18,10 +18,10 @@ from closeform.exchange.common_frame import common_frame
 from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.scenario import parse
+from closeform.viewer.fleet import record
 from closeform.viewer.page import document
 from closeform.viewer.scene import scene_of
 from closeform.viewer.shown import Shown
-from closeform.viewer.solids import record
 from pages import Parts, Seen, fields, fits
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

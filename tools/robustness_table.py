@@ -157,7 +157,7 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
     from closeform.plots.drawing.text import SMALL, TEXT
 
     names = [name for name in shares if len(shares[name]) > 1]
-    figure = sheet(3.7)
+    figure = sheet(4.0)
     for k, (name, axes) in enumerate(zip(names, figure.subplots(1, len(names)), strict=True)):
         dress(axes)
         sizes, counts = np.array([one for one in shares[name] if one[1] > 0], dtype=float).T
@@ -171,7 +171,7 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
         if ROWS[name].least > safe[name]:
             axes.invert_xaxis()
         what, _, whose = ROWS[name].name.partition(", ")
-        axes.set_xlabel(f"{what} [{ROWS[name].unit}]\n{whose}", fontsize=SMALL, color=INK)
+        axes.set_xlabel(f"{what}\n[{ROWS[name].unit}]\n{whose}", fontsize=SMALL, color=INK)
         if k:
             axes.set_yticklabels([])
         else:

@@ -16,10 +16,10 @@ from closeform.cli.console import (
     kept,
     one_line,
     open_output,
+    print_report,
     say,
     stderr,
     stdout,
-    tell_run,
     working,
 )
 from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, one_case, read
@@ -162,7 +162,7 @@ def run(
 
         page.write(Shown.of_mission(mission), under_way, pictures)
         if report.flights is not None:
-            page.write(Shown.of_flight(report.flights), under_way, pictures, WORST_FLIGHT)
+            page.write(Shown.of_simulations(report.flights), under_way, pictures, WORST_FLIGHT)
 
     notes = stderr()
     try:
@@ -175,7 +175,7 @@ def run(
         complain(*error.lines)
         return BAD_INPUT
     with kept(place):
-        tell_run(report, place)
+        print_report(report, place)
     return mission.verdict.status
 
 

@@ -8,7 +8,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +17,10 @@ from unicodedata import normalize
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from closeform.report.description import Table
+    from closeform.report.page import CommandReport
     from closeform.report.run import RunReport
-    from closeform.report.screening import EncounterReport, ScreenReport
-    from closeform.report.section import Table
-    from closeform.report.simulation import SimulationReport
-    from closeform.report.study import CasesReport
+    from closeform.report.study import StudyReport
 
 WIDTH = 100  # columns of a terminal's output
 # control characters except tabs and line ends; the last ranges change the writing direction
@@ -208,48 +207,26 @@ def show(console: "Console", shown: "Table") -> None:
     console.print(table)
 
 
-def tell_run(report: "RunReport", place: Path) -> None:
-    """Print the report of a run and the place of its results."""
-    console, mission = stdout(), report.mission
-    say(console, mission.scenario.title, report.opening, *report.origin)
-    for section in (*report.sections, *report.in_flight):
-        put(console, f"\n{section.title}", style="bold")
+def print_report(report: "RunReport | CommandReport | StudyReport", place: Path) -> None:
+    """Print the sections of a report, its warnings, hints and verdict, and the place of its results."""
+    console = stdout()
+    for section in report.printed:
+        if section.title:
+            put(console, f"\n{section.title}", style="bold")
         say(console, *section.lines)
         for table in section.tables:
             if not table.folded:
                 show(console, table)
         if section.closing:
             say(console, "", *section.closing)
-    for table in report.closing:
-        if not table.folded:
-            show(console, table)
-    say(console, "", *(f"Warning: {line}" for line in mission.warnings))
-    end = f"{mission.verdict}; "
-    if len(end) > WIDTH:
-        say(console, *textwrap.wrap(str(mission.verdict), WIDTH, subsequent_indent="  "))
+    say(console, "", *(f"Warning: {line}" for line in report.printed_warnings))
+    for line in report.hint:
+        put(console, line, soft_wrap=True)
+    end = f"{report.verdict}; "
+    if len(end) > WIDTH and report.wraps:
+        say(console, *textwrap.wrap(str(report.verdict), WIDTH, subsequent_indent="  "))
         end = ""
     put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path
-
-
-def tell_screen(report: "ScreenReport | EncounterReport | SimulationReport", place: Path) -> None:
-    """Print the report of a screening, an encounter or a simulation, and the place of its results."""
-    console = stdout()
-    say(console, *report.opening, *report.lines)
-    for table in report.tables:
-        show(console, table)
-    say(console, "")
-    put(console, f"{report.verdict}; results in {place}", soft_wrap=True)  # do not break a path
-
-
-def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None:
-    """Print the report of a study; the lines `drawn` state what was sampled for its cases."""
-    console = stdout()
-    say(console, *report.opening, *drawn)
-    for table in report.tables:
-        show(console, table)
-    say(console, "")
-    for line in (*report.hint, f"{report.verdict}; results in {place}"):
-        put(console, line, soft_wrap=True)  # do not break a path
 
 
 @contextmanager

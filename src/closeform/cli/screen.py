@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform.cli.console import complain, kept, say, stderr, stdout, tell_screen, working
+from closeform.cli.console import complain, kept, print_report, say, stderr, stdout, working
 from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
 
 if TYPE_CHECKING:
     from closeform.conflicts.flight import WatchedFlight
     from closeform.exchange.ccsds.conjunction import Conjunction
     from closeform.exchange.common_frame import CommonFrame
-    from closeform.report.page import Command
+    from closeform.report.page import Command, CommandReport
     from closeform.report.picture import Shot
-    from closeform.report.screening import EncounterReport, ScreenReport
-    from closeform.report.simulation import SimulationReport
     from closeform.storage.result_folder import Folder
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
@@ -103,8 +101,8 @@ def screen(
     except ValueError as error:
         raise UsageError(str(error)) from None
     from closeform.conflicts.flight import watch
-    from closeform.report.page import Command
-    from closeform.report.screening import ScreenReport
+    from closeform.report.page import Command, CommandReport
+    from closeform.report.screening import Screened, screen_report
 
     options: dict[str, object] = {
         "axis": axis,
@@ -116,12 +114,12 @@ def screen(
     options |= {"zones": zones, "interpolate": interpolate, "cdm": cdm}
     command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [], out)
 
-    def report() -> ScreenReport:
+    def report() -> CommandReport:
         flight = watch(frame.paths, frame.names, held_clear)
         names = [file.name for file in files]
         messages = tuple(screening_messages(frame, flight, own, names)) if cdm else None
         known = uncertain(frame, flight, asked.sigmas)
-        return ScreenReport(frame, flight, held_clear, command, known, messages)
+        return screen_report(Screened(frame, flight, held_clear, known), command, messages)
 
     return left(report, place, overwrite)
 
@@ -143,9 +141,7 @@ def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
     return place
 
 
-def left(
-    made: "Callable[[], ScreenReport | EncounterReport | SimulationReport]", place: Path, overwrite: bool
-) -> int:
+def left(made: "Callable[[], CommandReport]", place: Path, overwrite: bool) -> int:
     """Make a report, write its results, print it, and return the exit status."""
     from closeform.storage.publishing import folder
     from closeform.storage.result_folder import written
@@ -162,8 +158,9 @@ def left(
         with written(place):
             report.write(under_way, tell, viewer)
     with kept(place):
-        tell_screen(report, place)
-    return report.verdict.status
+        print_report(report, place)
+    status: int = report.verdict.status
+    return status
 
 
 def uncertain(
@@ -236,13 +233,13 @@ def encounter(
 
 def judged(
     message: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
-) -> "EncounterReport":
+) -> "CommandReport":
     """Return the report of a conjunction message, for a combined `radius` [m] of both bodies.
 
     `half_window` [s] is the time before and after closest approach, and `limit` is the largest accepted
     probability.
     """
-    from closeform.report.screening import EncounterReport
+    from closeform.report.screening import Met, encounter_report
     from closeform.uncertainty.clearance import clearance_in_sigmas
     from closeform.uncertainty.collision.short_encounter import NotPassing
     from closeform.uncertainty.probability import collision_probability
@@ -255,7 +252,8 @@ def judged(
         short = collision_probability(*pair, method="short-encounter")
     except NotPassing:
         short = None  # closest approach at an end of the window, which the report states
-    return EncounterReport(message, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
+    found = Met(message, radius, met)
+    return encounter_report(found, clearance_in_sigmas(*pair), entries, short, limit, command)
 
 
 def export(

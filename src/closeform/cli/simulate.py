@@ -11,7 +11,7 @@ from closeform.cli.screen import left
 
 if TYPE_CHECKING:
     from closeform.dynamics.control.feedback import Feedback
-    from closeform.report.simulation import SimulationReport
+    from closeform.report.page import CommandReport
     from closeform.scenario.quantity import Parts
 
 RESULTS, FLIGHTS = "-results", "-flights"  # suffixes of folder names
@@ -88,11 +88,11 @@ def simulate(
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
     command = Command("simulate", [directory], options, [directory / SUMMARY], out)
 
-    def report() -> "SimulationReport":
-        from closeform.report.simulation import SimulationReport
+    def report() -> "CommandReport":
+        from closeform.report.simulation import simulation_report
 
         try:
-            return SimulationReport(SimulatedRun.of(run, control, settings, seeds), command)
+            return simulation_report(SimulatedRun.of(run, control, settings, seeds), command)
         except Infeasible as error:
             raise UsageError(f"{directory}: cannot be simulated: {error}") from None
         except ValueError as error:

@@ -5,16 +5,18 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from closeform.cli.console import complain, kept, progress, say, stderr, stdout, tell_study, working
+from closeform.cli.console import complain, kept, print_report, progress, say, stderr, stdout, working
 from closeform.cli.inputs import BAD_INPUT, UsageError, read
 
 if TYPE_CHECKING:
     from closeform.campaign.cases import Cases
     from closeform.campaign.chunks import Runner
+    from closeform.report.study import StudyReport
+    from closeform.scenario import Scenario
 
 
 def study(
@@ -61,7 +63,6 @@ def study(
     from closeform.campaign import requested
     from closeform.campaign.chunks import ChunkError, Stored
     from closeform.mission.verdict import MET, NOT_MET
-    from closeform.report.any_study import report_of
     from closeform.scenario import ScenarioError
 
     notes = stderr()
@@ -82,7 +83,6 @@ def study(
                     campaign = chunks.complete(runner, tell)
             report = report_of(campaign, loaded)
             under_way.known.update(chunks.digests)
-            from closeform.report.study import draw_lines
             from closeform.viewer import replays
 
             with working(notes, "writing results") as show, written(place):
@@ -98,8 +98,27 @@ def study(
     except ValueError as error:  # --cases or --seed
         raise UsageError(f"--{error}") from None
     with kept(place):
-        tell_study(report, draw_lines(campaign), place)
+        print_report(report, place)
     return MET if campaign.ok else NOT_MET
+
+
+def report_of(campaign: Any, scenario: "Scenario") -> "StudyReport":
+    """Return the report of a campaign, by its kind; only the module of that kind is loaded."""
+    if scenario.points:
+        from closeform.report.mission_study import sweep_report
+
+        return sweep_report(campaign)
+    if scenario.study is not None and scenario.study.draws == "errors":
+        from closeform.report.mission_study import errors_report
+
+        return errors_report(campaign)
+    if not scenario.searches_alone:
+        from closeform.report.mission_study import missions_report
+
+        return missions_report(campaign)
+    from closeform.report.study import searches_report
+
+    return searches_report(campaign)
 
 
 def finished_before(place: Path, cases: "Cases", count: int) -> int | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
-from closeform.mission.simulation_verdict import eaten, in_flight, least_margin, predicted
+from closeform.mission.simulation_verdict import eaten, in_flight, predicted, zone_distance
 from closeform.mission.verdict import (
     Asked,
     Late,
@@ -158,10 +158,10 @@ class AvoidResult:
     def kept(self, path: Path) -> "Iterator[Asked]":
         """Yield each requirement on the path, and whether a path keeps it."""
         for name, one in self.required.items() if self.plan.ok else ():
-            held, text, least = one.holds(path), f"{name} of {self.craft}", one._worst(path)[0]
+            held, text, least, by = one.holds(path), f"{name} of {self.craft}", one._worst(path)[0], ""
             if least < inf:
-                text += f" (margin {least:.3g} {one.unit})"
-            yield Asked(f"{text} is kept", f"{text} is not kept", held, least, name)
+                by = f" by {abs(least):.3g} {one.unit}"
+            yield Asked(f"{text} is kept{by}", f"{text} is not kept{by * (least < 0.0)}", held, least, name)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -319,7 +319,7 @@ class Mission(Stages):
             asked=(*judged, *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
             model=self.orbit._model if watched else "",
-            margin=least_margin(self) if watched else None,
+            zone_distance=zone_distance(self) if watched else None,
             predicted=predicted(self),
             field=next((one.validity.field for one in self.flown if one.validity is not None), ""),
             strict=self.scenario.strict,

@@ -13,7 +13,7 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import closest_approach
 from closeform.dynamics.clearance import minimum_ratios
 from closeform.dynamics.force_model.field import described
-from closeform.dynamics.simulation.loss_of_thrust import Loss, sampled_losses
+from closeform.dynamics.simulation.loss_of_thrust import INSTANTS, Loss, sampled_losses
 from closeform.mission.mission_result import AvoidResult, ReconfigureResult, StageResult
 from closeform.mission.simulation_verdict import Neglected
 from closeform.mission.verdict import Asked, metres
@@ -32,6 +32,9 @@ from closeform.zones.zone import Zone
 MOST = 2000  # maximum number of directed pairs with an exact minimum; of more, only unsafe ones get one
 ROUNDING = 1e-8  # relative tolerance within which a bound equals a clearance ratio
 HILL = "Hill's equations"
+# Instants of a loss of thrust that are compared with the model error before safety counts as shown: the
+# error of a narrow range of failures, which INSTANTS miss, can be twice as large.
+MOST_INSTANTS, DENSE = 401, 20_000  # at most, and times the square of the number of spacecraft
 CHUNK = 64  # directed pairs that one thread evaluates at a time
 LOSSES = 200  # instants of loss of thrust sampled about a chief that is not on a circle
 
@@ -175,11 +178,14 @@ def beyond_hill(scenario: Scenario, result: StageResult[Any, Any], found: Passiv
     also = {pair.failed_at for pair in found.pairs if not isnan(pair.failed_at)}
     held = np.array([does_thrust(paths[k]) or scenario.flights is not None for k in range(len(paths))])
     held &= np.array([craft.engine for craft in scenario.craft])
-    losses = sampled_losses(paths, held, until, field, sorted(also))
-    zones = scenario.zones
+    zones, common = scenario.zones, (paths, held, until, field, sorted(also))
+    losses = sampled_losses(*common)
     if field is None:
         assert neglected is not None
-        return replace(found, doubt=hidden(losses, held, zones, neglected, found, result))
+        compared = held, zones, neglected, found, result
+        dense = int(np.clip(DENSE / len(paths) ** 2, INSTANTS, MOST_INSTANTS))
+        doubt = hidden(losses, *compared) or hidden(sampled_losses(*common, dense), *compared)
+        return replace(found, doubt=doubt)
     pairs = {(pair.fails, pair.meets): pair for pair in found.pairs}
     for pair in in_field(losses, held, zones, described(field), result.after.names):
         known = pairs.get((pair.fails, pair.meets))

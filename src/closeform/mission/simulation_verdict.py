@@ -14,7 +14,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.confidence import estimate
 from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
-from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Margin, Use, beyond
+from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Use, ZoneDistance, beyond
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
     return neglected, float(half), float(most)
 
 
-def least_margin(mission: "Mission") -> Margin | None:
+def zone_distance(mission: "Mission") -> ZoneDistance | None:
     """Return the minimum distance of a pair from its zone, with the model error; None if that is unknown."""
     error = mission_error(mission)
     near = [one for result in mission.flown for one in result.after.approaches]
@@ -195,8 +195,8 @@ def least_margin(mission: "Mission") -> Margin | None:
     inner = {zone: zone.inner_radius for zone in {one.zone for one in near}}
     spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # lower bound in any direction
     k = int(np.argmin(spare))
-    planned = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
-    return Margin(float(spare[k]), (near[k].first, near[k].second), *error[1:], planned)
+    enlarges = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
+    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), *error[1:], enlarges)
 
 
 def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:

@@ -117,14 +117,14 @@ class Late:
 class Asked:
     """Requirement of a stage, with the texts `kept` and `broken` for a requirement that is `met` or not.
 
-    A verdict reports only the lowest `margin` among the met requirements of one `kind`.  `doubt` is the
-    reason why a requirement that is met in the model of the plan is in doubt; it is empty if there is none.
+    A verdict reports only the met requirement of one `kind` with the least `slack`, in its own unit.
+    `doubt` is the reason why a requirement that the plan meets in its model is in doubt, or empty.
     """
 
     kept: str
     broken: str
     met: bool
-    margin: float
+    slack: float
     kind: str
     doubt: str = ""
 
@@ -138,18 +138,18 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Margin:
+class ZoneDistance:
     """Minimum planned `distance` [m] of a `pair` from its keep-out zone, with the model error [m].
 
-    Half of all missions have a model error of at most `expected`, and 95 % of at most `unlikely`.  `planned`
-    is True if a stage supports a keep-out margin.
+    Half of all missions have a model error of at most `expected`, and 95 % of at most `unlikely`.  `enlarges`
+    is True if a stage supports a keep-out margin, which enlarges its zones.
     """
 
     distance: float
     pair: tuple[str, str]
     expected: float
     unlikely: float
-    planned: bool = True
+    enlarges: bool = True
 
     @property
     def exceeded(self) -> bool:
@@ -160,7 +160,7 @@ class Margin:
     def figures(self) -> dict[str, Any]:
         """Values for `summary.json`."""
         return {
-            "margin_m": self.distance,
+            "distance_m": self.distance,
             "pair": list(self.pair),
             "expected_m": self.expected,
             "unlikely_m": self.unlikely,
@@ -168,13 +168,13 @@ class Margin:
         }
 
     def __str__(self) -> str:
-        words = f"margin {self.distance:.1f} m ({'-'.join(self.pair)})"
+        words = f"closest distance to a zone {self.distance:.1f} m ({'-'.join(self.pair)})"
         error = f"model error (median {metres(self.expected)}, 95th percentile {metres(self.unlikely)})"
         if not self.exceeded:
             return f"{words}, {error}"
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
         least = f"{ceil(self.unlikely)}" if self.unlikely > 10.0 else raised(self.unlikely, 2)
-        margin = f', or margin = "{least} m" where the ends allow it' if self.planned else ""
+        margin = f', or margin = "{least} m" where the ends allow it' if self.enlarges else ""
         return f"{words}; {error} {exceeds}: add a field{margin}"
 
 
@@ -260,11 +260,11 @@ class Verdict:
     - `asked`: further requirements of the stages.
     - `drawn`: whether the paths include the sampled errors of a case.
     - `model`: dynamics of the plan; empty in deep space.
-    - `margin`: minimum distance from a zone, with the model error; None if unknown or with a high-fidelity
-      model.
+    - `zone_distance`: minimum distance from a zone, with the model error; None if unknown or with a
+      high-fidelity model.
     - `predicted`: minimum clearance ratio in the high-fidelity model `field` of the pairs that are clear as
       planned; None without a prediction.
-    - `strict`: whether a model error above the margin is a failure.
+    - `strict`: whether a model error above that distance is a failure.
     """
 
     stopped: str | None
@@ -277,7 +277,7 @@ class Verdict:
     asked: tuple[Asked, ...] = ()
     drawn: bool = False
     model: str = ""
-    margin: Margin | None = None
+    zone_distance: ZoneDistance | None = None
     predicted: float | None = None
     field: str = ""
     strict: bool = False
@@ -294,8 +294,8 @@ class Verdict:
 
     @property
     def doubts(self) -> list[str]:
-        """Texts of the results in doubt, for example because the model error exceeds the margin."""
-        found = [str(self.margin)] if self.margin is not None and self.margin.exceeded else []
+        """Texts of the results in doubt, for example because the model error exceeds a distance."""
+        found = [str(near)] if (near := self.zone_distance) is not None and near.exceeded else []
         return found + [one.doubt for one in self.asked if one.shown is None]
 
     @property
@@ -327,7 +327,7 @@ class Verdict:
             "conflicts": self.conflicts,
             "pairs_in_conflict": self.pairs if self.conflicts is not None else None,
             "model": self.field or self.model or None,
-            "model_error": None if self.margin is None else self.margin.figures,
+            "model_error": None if self.zone_distance is None else self.zone_distance.figures,
             "not_shown": self.doubts,
             "predicted_ratio": self.predicted,
             "limits_kept": None if self.exceeded is None else not exceeded,
@@ -345,7 +345,7 @@ class Verdict:
         }
 
     def __str__(self) -> str:
-        """Return one line: clear, with the model and the margins, or the unmet requirements."""
+        """Return one line: clear, with the model and its error, or the unmet requirements."""
         if self.ok:
             model = f" in {self.model}" * bool(self.model)
             if self.predicted is not None:
@@ -355,17 +355,17 @@ class Verdict:
 
     @property
     def found(self) -> Iterator[str]:
-        """Texts of the requirements that are met, with the margin last."""
+        """Texts of the requirements that are met, with the distance from a zone last."""
         if self.searched:
             yield "no craft is lost"
         looked = self.conflicts is not None
         yield f"no conflict remains{self.at}" if looked else "no search for conflicts"
-        order = sorted(self.asked, key=lambda one: (bool(one.doubt), -one.margin))
+        order = sorted(self.asked, key=lambda one: (bool(one.doubt), -one.slack))
         yield from map(str, {one.kind: one for one in order}.values())
         if self.exceeded is not None:
             yield "limits are kept"
-        if self.margin is not None:
-            yield str(self.margin)
+        if self.zone_distance is not None:
+            yield str(self.zone_distance)
 
     @property
     def unmet(self) -> Iterator[str]:

@@ -1,103 +1,34 @@
-"""Animated figures as GIF files, and the animation of a formation with its closest pair."""
+"""Animation of a formation, with its closest pair and the minimum clearance ratio against time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from os import PathLike
-from typing import IO, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
-from PIL import Image
+from matplotlib.collections import LineCollection
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, draw
-from closeform.plots.drawing.inputs import crafts, filmed
+from closeform.plots.drawing.inputs import File, Progress, Zones, crafts, picture
+from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, MovingView, Reel
 from closeform.plots.drawing.pairs import Pairs, ratio_text
 from closeform.plots.drawing.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
-from closeform.plots.drawing.space import (
-    AXES,
-    INERTIAL,
-    OBLIQUE,
-    ORBITAL,
-    PLANES,
-    Camera,
-    space_axes,
-    three_planes,
-)
+from closeform.plots.drawing.space import AXES, INERTIAL, OBLIQUE, ORBITAL, PLANES, space_axes, three_planes
 from closeform.plots.drawing.style import clock, dress, headline, instants, sheet, wrapped
-from closeform.plots.drawing.text import SMALL, follow, plain, short_names
+from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.plots.paths import NAMED, carries
-from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import drawn, shadow
-from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-COLOURS = 128  # per animation; twice as many make the file 10 % larger without a visible gain
-TYPICAL = 5  # frames from which the palette is computed
-WIDE, NARROW = 900, 720  # width in pixels for few and for many spacecraft; many moving lines make large files
-PLAY, HOLD, LAST = 80, 1600, 2400  # ms per frame: in motion, at the closest approach, at the end
+HOLD, LAST = 1600, 2400  # ms per frame: at the closest approach, at the end
 TRAIL, TURN = 0.25, 0.5  # length of a trail: share of the total duration, but at most so many orbits
 FEW = 8  # maximum number of spacecraft with names in every view; more have names in one view
 STRIP = 1.6  # inches: height of the time strip with its labels
 MOST = 2_000_000  # maximum number of clearance ratios for the curve
-
-
-@dataclass(frozen=True)
-class Reel:
-    """Animated figure, `pixels` wide.
-
-    `show` moves the `moving` artists, ordered from back to front, to a time [s]. Each entry of `moments` is a
-    time [s] and the duration of its frame [ms].
-    """
-
-    figure: Figure
-    moving: Callable[[], Sequence[Artist]]
-    show: Callable[[float], None]
-    moments: Sequence[tuple[float, int]]
-    pixels: int
-
-    def frames(self, share: slice, progress: Callable[[int, int], object] | None = None) -> list[Image.Image]:
-        """Return the frames of a slice of `moments` in one palette; the static background is drawn once."""
-        self.figure.set_dpi(self.pixels / self.figure.get_figwidth())
-        canvas = FigureCanvasAgg(self.figure)
-        times = [time for time, _ in self.moments]
-        self.show(times[0])
-        for artist in self.moving():
-            artist.set_animated(True)  # canvas.draw skips it
-        canvas.draw()
-        still = canvas.copy_from_bbox(self.figure.bbox)
-
-        def picture(time: float) -> Image.Image:
-            canvas.restore_region(still)
-            self.show(time)
-            for artist in self.moving():
-                (artist.axes or self.figure).draw_artist(artist)
-            return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
-
-        typical = {time: picture(time) for time in times[:: max(1, len(times) // TYPICAL)]}
-        together = Image.fromarray(np.vstack([np.asarray(one) for one in typical.values()]))
-        palette = together.quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
-        coded = []
-        for done, time in enumerate(times[share], start=1):
-            frame = typical.get(time) or picture(time)
-            coded.append(frame.quantize(palette=palette, dither=Image.Dither.NONE))
-            if progress is not None:
-                progress(done, len(times[share]))
-        return coded
-
-    def save(self, file: str | PathLike[str] | IO[bytes], frames: Sequence[Image.Image]) -> None:
-        """Write all frames as an animated GIF; `optimize` stores only the pixels that change."""
-        stays = [stay for _, stay in self.moments]
-        frames[0].save(
-            file, "GIF", save_all=True, append_images=frames[1:], duration=stays, loop=0, optimize=True
-        )
 
 
 def ratios_at(pairs: Pairs, places: Floats, times: Floats) -> Floats:
@@ -118,50 +49,6 @@ def places_at(paths: Sequence[Path], times: Floats) -> Floats:
         there = (times >= path.start) & (times <= path.end)
         places[there] = path.position(times[there])
     return found
-
-
-class View:
-    """View of all spacecraft from one direction; `show` moves them."""
-
-    def __init__(self, axes: Axes, camera: Camera, unit: float, film: FormationFilm, named: bool) -> None:
-        self.axes, self.camera, self.unit, self.film = axes, camera, unit, film
-        thin, tints = len(film.tints) > NAMED, film.tints
-        faint = np.column_stack([tints[:, :3], np.full(len(tints), 0.22)])
-        lines = [camera(track) / unit for track in film.tracks]
-        axes.add_collection(LineCollection(lines, colors=faint, linewidths=0.8 if thin else 1.2, zorder=1.5))
-        self.zone = PolyCollection([], facecolors=ZONE, edgecolors=ZONE, alpha=0.45, linewidths=1.2)
-        self.outlines = PolyCollection([], facecolors="none", edgecolors=ZONE, linewidths=0.9)
-        self.trails = LineCollection([], colors=tints, linewidths=1.2 if thin else 2.4)
-        (self.link,) = axes.plot([], [], color=INK, linewidth=1.0)
-        for collection in (self.zone, self.outlines, self.trails):
-            axes.add_collection(collection, autolim=False)
-        where, size = camera(film.where[:, 0]) / unit, 14.0 if thin else 40.0
-        self.dots: Any = axes.scatter(where[:, 0], where[:, 1], s=size, c=tints, linewidths=1.8, zorder=4)
-        self.words: list[Any] = []
-        for name, tint in zip(film.called if named else (), tints, strict=False):
-            look: dict[str, Any] = {"color": dark(tint), "fontsize": SMALL, "annotation_clip": True}
-            text = axes.annotate(name, (0, 0), (6, 5), textcoords="offset points", **look)
-            self.words.append(plain(text))
-
-    @property
-    def artists(self) -> list[Artist]:
-        """Moving artists, from back to front."""
-        return [self.zone, self.outlines, self.trails, self.link, self.dots, *self.words]
-
-    def show(self, step: int) -> None:
-        """Move all artists to a step of the animation."""
-        film, camera = self.film, self.camera
-        where = camera(film.where[:, step]) / self.unit
-        self.dots.set_offsets(where)
-        edges = [CONFLICT if hit else tint for hit, tint in zip(film.met[step], film.tints, strict=True)]
-        self.dots.set_edgecolors(edges)
-        self.trails.set_segments([camera(trail) / self.unit for trail in film.trails(step)])
-        follow(self.axes, self.words, where)
-        outlines = [shadow(zone, camera.basis[:2]) / self.unit + where[k] for k, zone in film.kept(step)]
-        self.zone.set_verts(outlines[:1])
-        self.outlines.set_verts(outlines[1:])
-        near = film.closest_at(step)
-        self.link.set_data(*([], []) if near is None else where[film.pairs.craft[near]].T)
 
 
 class FormationFilm:
@@ -193,15 +80,23 @@ class FormationFilm:
             self.figure, unit, ((*planes, space),) = three_planes(points, below=STRIP)
             cameras = [(axes, camera, unit.size) for axes, (_, camera) in zip(planes, PLANES, strict=True)]
             space_axes(space, ORBITAL(points), ORBITAL, AXES)
-            self.views = [View(*one, self, named and (few or one[0] is planes[1])) for one in cameras] + [
-                View(space, ORBITAL, 1.0, self, False)
-            ]
+            self.views = [*(MovingView(*one) for one in cameras), MovingView(space, ORBITAL)]
+            self.named = [view for view in self.views[:3] if named and (few or view is self.views[1])]
             strip = self.figure.add_subplot(planes[0].get_subplotspec().get_gridspec()[-1, :])  # type: ignore[union-attr]
         else:
             self.figure = sheet(8.2, 8.4)
             view, strip = self.figure.subplots(2, 1, height_ratios=[6.6, STRIP])
             space_axes(view, OBLIQUE(points), OBLIQUE, INERTIAL)
-            self.views = [View(view, OBLIQUE, 1.0, self, named)]
+            self.views = [MovingView(view, OBLIQUE)]
+            self.named = self.views if named else []
+        thin, faint = (
+            len(self.tints) > NAMED,
+            np.column_stack([self.tints[:, :3], np.full(len(self.tints), 0.22)]),
+        )
+        for one in self.views:
+            lines = [one.flat(track) for track in self.tracks]
+            still: dict[str, Any] = {"colors": faint, "linewidths": 0.8 if thin else 1.2, "zorder": 1.5}
+            one.axes.add_collection(LineCollection(lines, **still))
         self.strip(strip, start, end)
         self.story = headline(self.figure, " \n ")
         plain(self.story, *self.called)
@@ -226,7 +121,7 @@ class FormationFilm:
     @property
     def artists(self) -> list[Artist]:
         """All moving artists."""
-        return [*(one for view in self.views for one in view.artists), self.cursor, self.story]
+        return [*(one for view in self.views for one in view.artists.values()), self.cursor, self.story]
 
     def closest_at(self, step: int) -> int | None:
         """Return the row of the closest pair at a step, or None if no pair shares this time."""
@@ -258,11 +153,28 @@ class FormationFilm:
                         found.setdefault(craft, pairs.zone[k])
         return list(found.items())
 
+    def move(self, view: MovingView, step: int) -> None:
+        """Move zones, trails and spacecraft of a view to a step of the animation."""
+        where, thin, near = self.where[:, step], len(self.tints) > NAMED, self.closest_at(step)
+        outlines = [
+            shadow(zone, view.camera.basis[:2]) / view.unit + view.flat(where[k])
+            for k, zone in self.kept(step)
+        ]
+        view.shapes("zone", outlines[:1], ZONE, ZONE, alpha=0.45, linewidths=1.2)
+        view.shapes("outlines", outlines[1:], "none", ZONE, linewidths=0.9)
+        view.lines("trails", self.trails(step), colors=self.tints, linewidths=1.2 if thin else 2.4)
+        link = [] if near is None else [where[self.pairs.craft[near]]]
+        view.lines("link", link, colors=INK, linewidths=1.0)
+        edges = [CONFLICT if hit else tint for hit, tint in zip(self.met[step], self.tints, strict=True)]
+        view.points("dots", where, edges, s=14.0 if thin else 40.0, c=self.tints, linewidths=1.8)
+        if view in self.named:
+            view.names(self.called, where, [dark(tint) for tint in self.tints])
+
     def show(self, time: float) -> None:
         """Move all artists to the time [s] of a frame."""
         step = int(np.searchsorted(self.times, time))
         for view in self.views:
-            view.show(step)
+            self.move(view, step)
         self.cursor.set_xdata([self.ticks(time)] * 2)
         other, near = self.ticks.other, self.closest_at(step)
         said = self.ticks.text(time) + (f", {time / other.size:.2f} {other.name}" if other else "")
@@ -276,14 +188,15 @@ class FormationFilm:
         self.story.set_text(wrapped(self.figure, said))
 
 
+@picture("`frames` is below 2")
 def formation_animation(
     paths: Path | Sequence[Path],
-    file: str | PathLike[str] | IO[bytes],
+    file: File,
     names: Sequence[str] | None = None,
-    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    zone: Zones = None,
     *,
     frames: int = 100,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = None,
 ) -> None:
     """Write an animated GIF of a formation: every spacecraft with its trail.
 
@@ -294,28 +207,11 @@ def formation_animation(
 
     Parameters
     ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), such as the paths of a plan, or N paths.
-    file : str, path-like or file of bytes
-        Output file; an existing file is overwritten.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
-        own.
     frames : int, default 100
         Number of frames, at least 2, evenly spaced in time; one more at the closest approach, where the
         animation pauses.
-    progress : callable of int and int, optional
-        Function called with the number of finished frames and the total.
-
-    Raises
-    ------
-    ValueError
-        If `frames` is below 2, the number of names is wrong, two zones cannot be combined for a pair, or an
-        argument has the wrong type.
     """
-    filmed(file, frames, progress)
+    whole("frames", frames, 2)
     found = reel(paths, names, zone, frames=frames)
     found.save(file, found.frames(slice(None), progress))
 
@@ -323,7 +219,7 @@ def formation_animation(
 def reel(
     paths: Path | Sequence[Path],
     names: Sequence[str] | None = None,
-    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    zone: Zones = None,
     *,
     frames: int = 100,
 ) -> Reel:

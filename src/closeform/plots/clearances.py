@@ -14,7 +14,7 @@ from closeform.arrays import Floats, instance, number, sequence, shown, whole
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, series, styled, timeline
-from closeform.plots.drawing.inputs import crafts, one_craft, texts
+from closeform.plots.drawing.inputs import Zones, crafts, one_craft, picture, texts
 from closeform.plots.drawing.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
 from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, DIRECTIONS, INK, ZONE
 from closeform.plots.drawing.style import (
@@ -34,8 +34,6 @@ from closeform.plots.drawing.text import SMALL, short_names
 from closeform.safety.drift_approach import DriftApproach, drift_approach
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
-from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones
 from closeform.zones.shapes import CUBE
 from closeform.zones.solids import HalfSpaces
 from closeform.zones.zone import Zone
@@ -46,9 +44,9 @@ BEYOND = 1e12  # [m] stands for an open side of a zone, beyond all spacecraft
 FAR = 20.0  # zone extents above which a distance has a logarithmic scale
 BRIEF = 1e-6  # s, so short that the state does not change: clearance at an instant
 INSTANTS, SHARES = 480, 64  # failure times per curve, and fractions of an impulse at which thrust is lost
-RESOLVED = 5.0  # times the largest minimum or the zone: upper limit of an axis that resolves minima
 
 
+@picture("there is no obstacle, or one shares no time with a path")
 def ratios(
     before: Path,
     after: Path,
@@ -63,35 +61,15 @@ def ratios(
 
     Parameters
     ----------
-    before, after : Path
-        Paths of one spacecraft; the same path if nothing changed.
-    obstacles : Path or sequence of Path
-        Path of any shape, or a sequence of paths; at least one.
-    zone : Zone
-        Keep-out zone around each obstacle.
     names : sequence of str, optional
         Names of the obstacles.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a path is a batch, there is no obstacle, one shares no time with a path, the number of names is
-        wrong, or an argument has the wrong type.
     """
-    one_craft("before", before)
-    one_craft("after", after)
-    instance("zone", zone, Zone)
     others = crafts("obstacles", obstacles)
     if not others:
         raise ValueError("obstacles: give at least one path")
     called = short_names(names, len(others), "obstacles") if names is not None else []
     start, end = min(before.start, after.start), max(before.end, after.end)
-    ticks, curves, least, most = clock(before, start, end), list[Curve](), list[float](), 0.0
+    ticks, curves, least = clock(before, start, end), list[Curve](), list[float]()
     looks: list[tuple[Path, str, Any]] = [(after, AFTER, "-")]
     if before is not after:
         looks.insert(0, (before, BEFORE, DASHED))
@@ -109,19 +87,18 @@ def ratios(
         dot, label = (near[k].time, near[k].ratio), f"{role}: {when}"
         curves.append(Curve(times, np.fmin.reduce(each), label, colour, dashes, 2.4, dot))
         least.append(near[k].ratio)
-        most = max(most, float(np.nanmax(each)))
         if path is after and len(others) > 1:
             curves.insert(0, Curve(times, each, colour=AFTER, width=0.8))
-    most = min(1.05 * most, RESOLVED * max(1.0, *least))
     change = f"Before {least[0]:.2f} × zone, after " if len(looks) > 1 else "Closest "
     last_near = f"{least[-1]:.2f} × zone"
     said = f"{change}{last_near} at {ticks.text(curves[-1].dot[0])}" if curves[-1].dot else change
-    return series(said, [Panel(RATIO, curves, 1.0, most=most)], ticks, start, end, height=5.9)
+    return series(said, [Panel(RATIO, curves, 1.0, scale="ratio")], ticks, start, end, height=5.9)
 
 
+@picture("there are fewer than two spacecraft, no pair has a zone and a common time, or `count` is below 1")
 def closest_pairs(
     paths: Path | Sequence[Path],
-    zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
+    zones: Zones,
     names: Sequence[str] | None = None,
     count: int = 4,
 ) -> Figure:
@@ -133,26 +110,8 @@ def closest_pairs(
 
     Parameters
     ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), or N paths.
-    zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
-        own.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
     count : int, default 4
         Maximum number of pairs shown.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two spacecraft, the number of names is wrong, `count` is below 1, no pair has
-        a zone and a common time, or an argument has the wrong type.
     """
     pairs, called = asked_pairs(paths, zones, names)
     whole("count", count, 1)
@@ -217,6 +176,10 @@ class Deviations:
         return np.where(np.isfinite(found), found, np.nan)
 
 
+@picture(
+    "the numbers of paths, zones, errors or names differ, two paths share no time, no error of any size "
+    "causes a conflict, or `asked` is not above 0"
+)
 def sigmas(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -242,17 +205,6 @@ def sigmas(
         Required clearance in sigmas; the range below it is shaded.
     names : sequence of str, optional
         Names of the pairs.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of paths, zones, errors or names differ, two paths share no time, no error of any size
-        causes a conflict, `asked` is not above 0, or an argument has the wrong type.
     """
     firsts, seconds = crafts("path", path), crafts("other", other)
     if not firsts or len(firsts) != len(seconds):
@@ -351,6 +303,10 @@ def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
     return every[order], np.concatenate(states)[order]
 
 
+@picture(
+    "the number of others, zones or labels differs from that of paths, or under the same conditions as in "
+    "`drift_approach`"
+)
 def drift_ratios(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -373,23 +329,10 @@ def drift_ratios(
         Paths of the other spacecraft, up to the end of the drift.
     zone : Zone or sequence of Zone
         One zone for each pair, or one for all.
-    until : float [s]
-        End of the drift, as in `drift_approach`.
     labels : sequence of str, optional
         Label of each pair.
     before : tuple of (Path, Path, Zone), optional
         Pair on its direct paths, without passive safety, and its zone; drawn dashed.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the number of others, zones or labels differs from that of paths, `before` has the wrong type, or
-        under the same conditions as `drift_approach`.
     """
     fail, fly = crafts("path", path), crafts("other", other)
     zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
@@ -412,9 +355,7 @@ def drift_ratios(
         words = f"direct path: {direct.story(ticks)}"
         curves.append(Curve(direct.times, direct.ratios, words, INK, DASHED, 1.4))
         said += f", {precise(direct.worst.ratio)} on the direct path"
-    most = max(float(one.ratios.max()) for one in found)
-    most = min(1.06 * most, RESOLVED * max(1.0, *(one.worst.ratio for one in found)))
-    panel = Panel("clearance ratio in free drift [× zone]", curves, 1.0, most=most)
+    panel = Panel("clearance ratio in free drift [× zone]", curves, 1.0, scale="ratio")
     height = 5.6 + 0.3 * len(curves)
     return series(said, [panel], ticks, float(start), float(end), "time of thrust loss", height)
 
@@ -453,6 +394,7 @@ def passive_safety(found: Sequence[Failed]) -> str:
     return f"Not passively safe {spans}: {precise(worst.worst.ratio)} × zone{often}"
 
 
+@picture("orbits differ or there is no common time")
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
 
@@ -464,27 +406,11 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     ----------
     path, other : Path
         Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
-    zone : Zone
-        Keep-out zone around the other spacecraft.
-    names : sequence of str, optional
-        Names of the two spacecraft.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a path is a batch, orbits differ, there is no common time, the number of names is not two, or an
-        argument has the wrong type.
 
     References
     ----------
     SP11 (Sauter and Palmer 2011) figure 1.
     """
-    instance("zone", zone, Zone)
     start, end = common_time(path, other)
     one, two = short_names(names, 2)
     conflicts, ticks = find_conflicts(path, other, zone), clock(path, start, end)

@@ -21,7 +21,7 @@ from closeform.motion.path import Path, ends_of
 from closeform.planning.clearance_cost_curve import ClearanceCostCurve, slope
 from closeform.planning.max_clearance import MaxClearance
 from closeform.planning.plan import Plan
-from closeform.plots.drawing.inputs import crafts, one_craft
+from closeform.plots.drawing.inputs import crafts, one_craft, picture
 from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
 from closeform.plots.drawing.style import (
     DASHED,
@@ -160,6 +160,7 @@ def _along(path: Path, contacts: ContactTerms, thrusters: Thrusters, pushes: Flo
     return np.asarray(scale * found.x[:6])
 
 
+@picture("the path is a batch, is too long or is not a path, or if a plan has no path or no such spacecraft")
 def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
     """Plot the magnitude of a primer against time: 1 at optimal impulses, nowhere above 1.
 
@@ -175,18 +176,6 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
         states; or a minimum-delta-v plan.
     craft : int, default 0
         Index of the spacecraft in a `Plan`.
-    thrusters : Thrusters, optional
-        Thrusters for which the plan was made; d . p of the best thruster replaces the primer magnitude.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the path is a batch, is too long or is not a path, or if a plan has no path or no such spacecraft.
 
     References
     ----------
@@ -197,8 +186,6 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
     if whole("craft", craft) >= (count := len(planned_paths) if several and planned_paths is not None else 1):
         raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
     one = one_craft("path", planned_paths[craft] if several and planned_paths is not None else planned_paths)
-    if thrusters is not None:
-        instance("thrusters", thrusters, Thrusters)
     contacts = ContactTerms.of(path, craft, one)
     burns, impulses = len(burns_of(one).significant.size), len(one.impulses)
     how = plural(burns, "burn") if burns > impulses else plural(impulses, "impulse")
@@ -270,7 +257,7 @@ def mark_impulses(
                 (-5 if late else 5, 5),
                 **look,
             )
-    axes.plot(ticks(when), heights, "o", color=INK, markersize=7, linestyle="", zorder=5)
+    axes.plot(ticks(when), heights, "o", color=INK, markersize=7, linestyle="", zorder=5, clip_on=False)
     axes.set_ylim(min(axes.get_ylim()[0], 1.1 * float(heights.min(initial=0.0))))
     large = np.flatnonzero(sizes >= SMALLEST * sizes.max(initial=0.0))
     large = large[np.argsort(-sizes[large], kind="stable")][:LABELLED]
@@ -279,6 +266,7 @@ def mark_impulses(
         label(axes, points, [speed(size) for size in sizes[large].tolist()])
 
 
+@picture("the table has no duration, `fired` is given without a plan, or `asked` is not positive")
 def trade(
     found: TransferCostTable,
     plan: Path | Sequence[Path] | None = None,
@@ -292,27 +280,13 @@ def trade(
 
     Parameters
     ----------
-    found : TransferCostTable
-        Table from `transfer_cost_table`.
     plan : Path or sequence of Path, optional
         Plan to mark with a ring at its duration and delta-v, summed over several spacecraft.
     fired : float [m/s], optional
         Delta-v of the thruster firing that realizes the plan, summed over all spacecraft; marked by a dot.
     asked : float [s], optional
         Required duration, marked by a vertical line; for use without a plan.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the table has no duration, `found` is not a `TransferCostTable`, `fired` is given without a plan,
-        or `asked` is not positive.
     """
-    instance("found", found, TransferCostTable)
     if not len(found.duration):
         raise ValueError("found: has no duration; give transfer_cost_table at least one")
     if fired is not None and (plan is None or not number("fired", fired) >= 0.0):
@@ -364,32 +338,14 @@ def trade(
     return figure
 
 
+@picture("there is no plan, or `most` has none or is a number of sigmas")
 def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Figure:
     """Plot the cost of a plan against the size of the zones: a point for each plan, a curve through them.
 
     The curve has the slope of each plan at its point. Dots join two plans with different passing sides.
     Crosses at the top are sizes for which no clear plan was found. The dashed line is the cost without
     obstacles.
-
-    Parameters
-    ----------
-    found : ClearanceCostCurve
-        Result of `clearance_cost_curve`.
-    most : MaxClearance, optional
-        Result of `max_clearance`; a line shows its budget, and a ring the largest zones within that budget.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `found` is not a `ClearanceCostCurve` or has no plan, or `most` is not a `MaxClearance` of zones
-        with a plan.
     """
-    instance("found", found, ClearanceCostCurve)
     if not np.isfinite(found.spent).any():
         raise ValueError("found: no clear plan was found at any size; there is nothing to show")
     if most is not None and not instance("most", most, MaxClearance).ok:

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, pi
-from os import PathLike
-from typing import IO, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from closeform.arrays import Floats, instance, number
+from closeform.arrays import Floats, instance, number, whole
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
-from closeform.plots.animations import NARROW, PLAY, WIDE, Reel
-from closeform.plots.drawing.inputs import filmed
+from closeform.plots.drawing.inputs import File, Progress, picture
+from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, MovingView, Reel
 from closeform.plots.drawing.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
 from closeform.plots.drawing.space import (
     GROUP_COLOURS,
@@ -36,7 +34,7 @@ from closeform.plots.drawing.space import (
     triad,
 )
 from closeform.plots.drawing.style import DASHED, headline, legend, sheet, wrapped
-from closeform.plots.drawing.text import SMALL, follow, plain, short_names, word
+from closeform.plots.drawing.text import SMALL, plain, short_names, word
 from closeform.search.gathering.join_rule import FORMATION, LOST
 from closeform.search.gathering.result import Event, EventKind, Gathering
 from closeform.search.leg import SPELLED, SUN, Leg
@@ -158,39 +156,25 @@ def clock_text(time: float) -> str:
     return f"{minutes:02d}:{seconds:02d}"
 
 
-class ConeArt:
-    """Sensor cones and shades of the given spacecraft, as artists that move."""
-
-    def __init__(self, axes: Axes, camera: Camera, width: float) -> None:
-        self.camera = camera
-        self.bodies = PolyCollection([], linewidths=0.0)
-        self.mouths = PolyCollection([], linewidths=width)
-        self.edges = LineCollection([], linewidths=0.6 * width)
-        self.shades = PolyCollection([], facecolors=SHADE, edgecolors=INK, linewidths=width)
-        for one in self.artists:
-            axes.add_collection(one, autolim=False)
-
-    @property
-    def artists(self) -> list[Any]:
-        """Moving artists, from back to front."""
-        return [self.bodies, self.mouths, self.edges, self.shades]
-
-    def show(self, cones: Sequence[tuple[Floats, Floats, Floats, str]]) -> None:
-        """Draw cones, each with its apex (3,), rim (K, 3) relative to it, shade outline (K, 3) and colour."""
-        camera, colours = self.camera, [colour for *_, colour in cones]
-        self.bodies.set_verts([solid(camera, apex, apex + rim) for apex, rim, *_ in cones])
-        self.bodies.set_facecolor([tint(colour, 0.2) for colour in colours])
-        self.mouths.set_verts([camera(apex + rim) for apex, rim, *_ in cones])
-        facing = [0.3 if camera.nearness(rim.mean(axis=0)) > 0.0 else 0.0 for _, rim, *_ in cones]
-        self.mouths.set_facecolor([tint(*both) for both in zip(colours, facing, strict=True)])
-        self.mouths.set_edgecolor([tint(colour, 0.75) for colour in colours])
-        rays = [camera(np.array([apex, apex + tip])) for apex, rim, *_ in cones for tip in rim[:-1:12]]
-        self.edges.set_segments(rays)
-        self.edges.set_color([tint(colour, 0.6) for _, rim, _, colour in cones for _ in rim[:-1:12]])
-        self.shades.set_verts([camera(shade) for *_, shade, _ in cones])
+Cone = tuple[Floats, Floats, Floats, str]  # apex (3,), rim (K, 3) relative to it, shade (K, 3), and colour
 
 
-class Overview:
+def cones(view: MovingView, some: Sequence[Cone], width: float) -> None:
+    """Draw sensor cones and shades of spacecraft."""
+    tints = [colour for *_, colour in some]
+    edges, spokes = [tint(colour, 0.75) for colour in tints], 0.6 * width
+    bodies = [solid(view.camera, apex, apex + rim) for apex, rim, *_ in some]
+    view.shapes("cones", bodies, [tint(colour, 0.2) for colour in tints], "none", linewidths=0.0)
+    facing = [0.3 if view.camera.nearness(rim.mean(axis=0)) > 0.0 else 0.0 for _, rim, *_ in some]
+    faces = [tint(*both) for both in zip(tints, facing, strict=True)]
+    view.shapes("mouths", [view.flat(apex + rim) for apex, rim, *_ in some], faces, edges, linewidths=width)
+    rays = [np.array([apex, apex + tip]) for apex, rim, *_ in some for tip in rim[:-1:12]]
+    shades = [tint(colour, 0.6) for _, rim, _, colour in some for _ in rim[:-1:12]]
+    view.lines("edges", rays, colors=shades, linewidths=spokes)
+    view.shapes("shades", [view.flat(shade) for *_, shade, _ in some], SHADE, INK, linewidths=width)
+
+
+class Overview(MovingView):
     """View of all spacecraft from one direction, at one scale for the whole gathering."""
 
     def __init__(
@@ -201,12 +185,13 @@ class Overview:
         gathering: Gathering,
         knots: Sequence[Knots],
         craft: int,
-        names: Sequence[str],
+        called: Sequence[str],
     ) -> None:
-        self.axes, self.camera, self.gathering = axes, camera, gathering
+        super().__init__(axes, camera)
+        self.gathering, self.few = gathering, len(gathering.groups) <= FEW
         groups, sensor = gathering.groups, gathering.search.sensor
-        self.few = len(groups) <= FEW
         self.coned = sorted(range(len(groups)) if self.few else [craft], key=lambda k: groups[k])
+        self.called = [called[k] for k in self.coned]
         points = np.vstack([one.points for one in knots])
         span = max(float(np.ptp(points, axis=0).max()), 10.0 * sensor.offset) or 10.0
         self.cone = min(sensor.range, (0.17 if self.few else 0.12) * span)
@@ -219,102 +204,72 @@ class Overview:
             locks = [event for event in gathering.events if event.kind == EventKind.LOCK]
             pairs = [(event.first, event.second) for event in locks]
         self.pairs = np.array(pairs, dtype=int).reshape(-1, 2)
-        self.cones = ConeArt(axes, camera, 0.9)
-        self.trails = LineCollection([], colors=OTHER, linewidths=1.3 if self.few else 0.6)
-        self.past_look: dict[str, Any] = {"color": BEFORE, "linewidth": 1.0, "linestyle": DASHED}
-        self.now_look: dict[str, Any] = {"color": INK, "linewidth": 2.4}
-        if not self.few:
-            self.past_look, self.now_look = (
-                {"color": OTHER, "linewidth": 0.4},
-                {"color": INK, "linewidth": 0.7},
-            )
-        self.past, self.now = LineCollection([], **self.past_look), LineCollection([], **self.now_look)
-        for one in (self.trails, self.past, self.now):
-            axes.add_collection(one, autolim=False)
-        (self.kinks,) = axes.plot([], [], ".", color=INK, markersize=5 if self.few else 0)
-        self.marks = {
-            label: axes.plot([], [], marker, color=edge, markerfacecolor=face, markersize=5.0)[0]
-            for label, (marker, edge, face) in STYLES.items()
-        }
-        self.words: list[Any] = [
-            plain(word(axes, (0, 0), names[k], shift=(5, 9), ha="left")) for k in self.coned
-        ]
-
-    @property
-    def artists(self) -> list[Artist]:
-        """Moving artists, from back to front."""
-        lines = [*self.cones.artists, self.trails, self.past, self.kinks, self.now]
-        return [*lines, *self.marks.values(), *self.words]
+        few = self.few
+        self.past_look: dict[str, Any] = {"color": BEFORE if few else OTHER, "linewidth": 1.0 if few else 0.4}
+        self.past_look |= {"linestyle": DASHED if few else "-"}
+        self.now_look: dict[str, Any] = {"color": INK, "linewidth": 2.4 if few else 0.7}
 
     def show(self, moment: Moment) -> None:
-        """Move all artists to a moment."""
-        where, camera, offset = moment.positions, self.camera, self.gathering.search.sensor.offset
-        cones = []
+        """Move everything to a moment."""
+        where, offset = moment.positions, self.gathering.search.sensor.offset
+        some: list[Cone] = []
         for k in self.coned:
             attitude, colour = moment.attitudes[k], GROUP_COLOURS[self.gathering.groups[k]]
             rim = ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
             shade = where[k] + ring(attitude[:, 0], pi / 2.0, self.shade)
-            cones.append((where[k] + offset * attitude[:, 2], rim, shade, colour))
-        self.cones.show(cones)
-        trails = moment.trails
-        self.trails.set_segments([camera(trail) for trail in trails])
-        bends = camera(np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in trails)]))
-        self.kinks.set_data(bends[:, 0], bends[:, 1])
-        seen = moment.in_lock(self.pairs)
+            some.append((where[k] + offset * attitude[:, 2], rim, shade, colour))
+        cones(self, some, 0.9)
+        trails, seen = moment.trails, moment.in_lock(self.pairs)
         met = {frozenset((event.first, event.second)) for event in moment.locks}
         known = np.array([frozenset(pair) in met for pair in self.pairs.tolist()], dtype=bool)
-        self.past.set_segments(list(camera(where[self.pairs[known & ~seen]])))
-        self.now.set_segments(list(camera(where[self.pairs[seen if self.few else seen & known]])))
-        flat, labels = camera(where), np.array([style_of(label) for label in moment.labels])
-        for label, mark in self.marks.items():
-            mark.set_data(*flat[labels == label].T)
-        follow(self.axes, self.words, flat[list(self.coned)])
+        bends = np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in trails)])
+        self.lines("trails", trails, colors=OTHER, linewidths=1.3 if self.few else 0.6)
+        self.lines("past", list(where[self.pairs[known & ~seen]]), **self.past_look)
+        self.dots("bends", bends, ".", color=INK, markersize=5 if self.few else 0)
+        self.lines("now", list(where[self.pairs[seen if self.few else seen & known]]), **self.now_look)
+        labels = np.array([style_of(label) for label in moment.labels])
+        for label, (marker, edge, face) in STYLES.items():
+            look: dict[str, Any] = {"color": edge, "markerfacecolor": face, "markersize": 5.0}
+            self.dots(f"set {label}", where[labels == label], marker, linestyle="", **look)
+        self.names(self.called, where[list(self.coned)], [INK] * len(self.called))
 
 
-class CloseUp:
+class CloseUp(MovingView):
     """Close-up of one spacecraft: its shade and normal, the sensor cone, and the sun line."""
 
     def __init__(self, axes: Axes, gathering: Gathering, craft: int, name: str) -> None:
-        self.gathering, self.craft, self.camera = gathering, craft, OBLIQUE
+        super().__init__(axes, OBLIQUE)
+        self.gathering, self.craft = gathering, craft
         fitted(axes, (-2.2, -1.8), (2.2, 2.2))
         axes.set(xticks=[], yticks=[])
         axes.spines[:].set_color(OTHER)
         plain(axes.set_title(f"Close view: {name}", loc="left", fontsize=SMALL, color=INK))
         triad(axes, self.camera, DIRECTIONS)
-        sun = self.camera(np.array([np.zeros(3), 2.05 * SUN]))
+        sun = self.flat(np.array([np.zeros(3), 2.05 * SUN]))
         axes.plot(*sun.T, color=OTHER, linestyle=DASHED, linewidth=1.2)
         axes.plot(*sun[1], "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=11)
         word(axes, sun[1], "Sun", shift=(12, 0), ha="left")
         self.colour = GROUP_COLOURS[gathering.groups[craft]]
-        self.cones = ConeArt(axes, self.camera, 1.2)
-        self.arrows = LineCollection([], colors=[INK, self.colour], linewidths=[2.0, 2.4])
-        axes.add_collection(self.arrows, autolim=False)
-        (self.heads,) = axes.plot([], [], "o", color=INK, markersize=3.5)
-        self.words = [word(axes, (0, 0), "body x"), word(axes, (0, 0), "boresight", self.colour)]
-        self.turn = word(axes, (0, 1), "", shift=(5, -5), xycoords="axes fraction", ha="left", va="top")
-
-    @property
-    def artists(self) -> list[Artist]:
-        """Moving artists, from back to front."""
-        return [*self.cones.artists, self.arrows, self.heads, *self.words, self.turn]
 
     def show(self, moment: Moment) -> None:
         """Turn the spacecraft to its attitude at a moment."""
-        attitude, camera = moment.attitudes[self.craft], self.camera
+        attitude = moment.attitudes[self.craft]
         normal, boresight = attitude[:, 0], attitude[:, 2]
         offset = self.gathering.search.sensor.offset
         apex = boresight if offset > 0.0 else np.zeros(3)  # shade radius equals the offset
         rim = ring(boresight, float(moment.half_angles[self.craft]), 1.1)
-        self.cones.show([(apex, rim, ring(normal, pi / 2.0), self.colour)])
+        cones(self, [(apex, rim, ring(normal, pi / 2.0), self.colour)], 1.2)
         tips = np.array([1.25 * normal, apex + 0.95 * boresight])
-        self.arrows.set_segments(list(camera(np.stack([[np.zeros(3), apex], tips], axis=1))))
-        self.heads.set_data(*camera(tips).T)
-        for text, tip in zip(self.words, camera(tips + 0.2 * np.array([normal, boresight])), strict=True):
-            text.xy = tip
+        arrows = list(np.stack([[np.zeros(3), apex], tips], axis=1))
+        self.lines("arrows", arrows, colors=[INK, self.colour], linewidths=[2.0, 2.4])
+        self.dots("heads", tips, "o", color=INK, markersize=3.5)
+        self.write("body x", "body x", self.flat(1.45 * normal))
+        self.write("boresight", "boresight", self.flat(apex + 1.15 * boresight), self.colour)
         leg, off_sun = moment.leg, float(np.arccos(np.clip(normal @ SUN, -1.0, 1.0)))
         axis = "the sun line" if leg.about == "sun line" else leg.about
         about = f"turning about\n{axis}" if leg.angle else "waiting"
-        self.turn.set_text(f"{about}\nSun angle {degrees(off_sun):.1f}°")
+        corner: dict[str, Any] = {"shift": (5, -5), "xycoords": "axes fraction", "ha": "left", "va": "top"}
+        self.write("turn", f"{about}\nSun angle {degrees(off_sun):.1f}°", (0, 1), **corner)
 
 
 class Strip:
@@ -340,9 +295,9 @@ class Strip:
         (self.cursor,) = axes.plot([], [], color=CONFLICT, linewidth=3.0, clip_on=False)
 
     @property
-    def artists(self) -> list[Artist]:
-        """Moving artists."""
-        return [self.cursor]
+    def artists(self) -> dict[str, Artist]:
+        """Moving artists by name."""
+        return {"cursor": self.cursor}
 
     def show(self, moment: Moment) -> None:
         """Move the cursor."""
@@ -383,7 +338,7 @@ class ThreeViews:
     @property
     def artists(self) -> list[Artist]:
         """Moving artists, from back to front."""
-        return [*(artist for part in self.parts for artist in part.artists), self.story]
+        return [*(artist for part in self.parts for artist in part.artists.values()), self.story]
 
     def show(self, time: float) -> None:
         """Move all parts to a time [s]."""
@@ -433,6 +388,7 @@ class ThreeViews:
         return handles
 
 
+@picture("`time` is outside the gathering, or there is no such spacecraft")
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
@@ -446,31 +402,15 @@ def three_views(
 
     Parameters
     ----------
-    gathering : Gathering
-        Gathering to draw.
     time : float [s]
         Time from the start of the search, up to the duration of the gathering.
     craft : int, default 0
         Index of the spacecraft in the close-up.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `time` is outside the gathering, there is no such spacecraft, the number of names is wrong, or
-        an argument has the wrong type.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
-    instance("gathering", gathering, Gathering)
     if not 0.0 <= number("time", time) <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
     views = ThreeViews(gathering, craft, names)
@@ -478,44 +418,31 @@ def three_views(
     return views.figure
 
 
+@picture("`frames` is below 2, or there is no such spacecraft")
 def animation(
     gathering: Gathering,
-    file: str | PathLike[str] | IO[bytes],
+    file: File,
     craft: int = 0,
     names: Sequence[str] | None = None,
     *,
     frames: int = 150,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress = None,
 ) -> None:
     """Write an animated GIF of a gathering in three views, as in the simulation of H03.
 
     Parameters
     ----------
-    gathering : Gathering
-        Gathering to draw.
-    file : str, path-like or file of bytes
-        Output file; an existing file is overwritten.
     craft : int, default 0
         Index of the spacecraft in the close-up, as in `three_views`.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
     frames : int, default 150
         Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
         pauses, as it does at the end.
-    progress : callable of int and int, optional
-        Function called with the number of finished frames and the total.
-
-    Raises
-    ------
-    ValueError
-        If `frames` is below 2, there is no such spacecraft, the number of names is wrong, or an argument
-        has the wrong type.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
-    filmed(file, frames, progress)
+    whole("frames", frames, 2)
     found = reel(gathering, craft, names, frames=frames)
     found.save(file, found.frames(slice(None), progress))
 

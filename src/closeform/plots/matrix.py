@@ -13,12 +13,11 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.plots.drawing.inputs import Zones, picture
 from closeform.plots.drawing.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
 from closeform.plots.drawing.palette import CONFLICT, FAINT, INK, OTHER
 from closeform.plots.drawing.style import headline, legend, sheet
 from closeform.plots.drawing.text import SMALL, TEXT, plain
-from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones
 
 NUMBERED = 14  # maximum number of spacecraft with numbers in the cells
 NAMED = 36  # maximum number of names on each axis
@@ -26,36 +25,16 @@ BELOW = ("#8f3300", CONFLICT, "#f2a56b")  # from ratio 0 to the keep-out boundar
 ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from the keep-out boundary to the farthest pair
 
 
+@picture("there are fewer than two spacecraft, or no pair has a zone")
 def ratio_matrix(
     paths: Path | Sequence[Path],
-    zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
+    zones: Zones,
     names: Sequence[str] | None = None,
 ) -> Figure:
     """Plot the minimum clearance ratio of each pair as a matrix; 1 is the keep-out boundary.
 
     The matrix is symmetric. Pairs in conflict are bold, or crossed if there are many spacecraft. Pairs
     without a zone or a common time are grey.
-
-    Parameters
-    ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), or N paths.
-    zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
-        own.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two spacecraft, the number of names is wrong, no pair has a zone, or an
-        argument has the wrong type.
     """
     pairs, called = asked_pairs(paths, zones, names)
     count = len(called)

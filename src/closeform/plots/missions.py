@@ -15,7 +15,7 @@ from closeform.arrays import Floats, number, sequence, shown, whole
 from closeform.fuel.burns import Burns, burns_of
 from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, draw
-from closeform.plots.drawing.inputs import one_path, texts
+from closeform.plots.drawing.inputs import Zones, one_path, picture, texts
 from closeform.plots.drawing.pairs import Pairs
 from closeform.plots.drawing.palette import CONFLICT, FAINT, INK, OTHER, colours
 from closeform.plots.drawing.space import AXES, INERTIAL, OBLIQUE, ORBITAL, Scene, finished, space_axes
@@ -23,8 +23,6 @@ from closeform.plots.drawing.style import Clock, clock, dress, instants, plural,
 from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.plots.paths import NAMED, closest_pair, conflicts_of, ends, own_tracks, stretches
 from closeform.plots.thrusts import burn_rows
-from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones
 
 CLOSEST, LOOKS = 300, 500  # maximum number of pairs evaluated, and of sample times per stage
 SAME = 1e-9  # of the total duration: overlap of stages allowed for rounding
@@ -61,10 +59,14 @@ class Stage:
         return Curve(times, least, dot=(float(self.pairs.time[near]), float(self.pairs.ratio[near])))
 
 
+@picture(
+    "there is no stage, shapes or orbits differ, a stage begins before the last has ended, the number of "
+    "titles is wrong, or a lock names an unknown spacecraft"
+)
 def overview(
     stages: Sequence[Path],
     names: Sequence[str] | None = None,
-    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    zone: Zones = None,
     titles: Sequence[str] | None = None,
     locks: Sequence[Lock] = (),
 ) -> Figure:
@@ -79,26 +81,10 @@ def overview(
     ----------
     stages : sequence of Path
         Paths of shape (N,) in one orbit for each stage, in order of time.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One zone for all spacecraft or one for each, combined for a pair as in `screen` (None: no zone of its
-        own).
     titles : sequence of str, optional
         Titles of the stages; default: their numbers.
     locks : sequence of tuple of (float [s], int, int), default none
         Time of each lock and the indices of its two spacecraft.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there is no stage, shapes or orbits differ, a stage begins before the last has ended, the number of
-        names or titles is wrong, a lock names an unknown spacecraft, or an argument has the wrong type.
     """
     flights = stages_given(stages, zone, titles)
     first, start, end = flights[0].paths, float(flights[0].times[0]), float(flights[-1].times[-1])

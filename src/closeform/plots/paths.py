@@ -21,7 +21,7 @@ from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
 from closeform.planning.requirements import ApproachCone
 from closeform.plots.clearances import Deviations, Failed
-from closeform.plots.drawing.inputs import crafts, one_craft, one_path, same
+from closeform.plots.drawing.inputs import Paths, Zones, crafts, picture, same
 from closeform.plots.drawing.pairs import Pairs, ratio_text
 from closeform.plots.drawing.palette import (
     AFTER,
@@ -64,9 +64,7 @@ from closeform.plots.drawing.style import (
 from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
-from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import CIRCLE, drawn, section
-from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
@@ -190,8 +188,8 @@ def closest_pair(
     how = length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
     pair = [other, one] if carries(pairs.paths, count, other, one) else [one, other]
     places = [pairs.paths[k].position(pairs.time[near]) for k in pair]
-    shapes = [] if by_distance else [Shape(pairs.zone[near], places[0], "its zone")]
-    look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair then", "order": 4.2}
+    shapes = [] if by_distance else [Shape(pairs.zone[near], places[0], "zone at closest approach")]
+    look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair at that time", "order": 4.2}
     return (
         shapes,
         [Mark(place, INK, **look) for place in places],
@@ -236,11 +234,12 @@ def in_words(pairs: Pairs, called: list[str]) -> str:
     return f": {', '.join(named[:kept])}{more}"
 
 
+@picture("the paths differ in shape (N,) or orbit")
 def formation_paths(
-    before: Path,
-    after: Path,
+    before: Paths,
+    after: Paths,
     names: Sequence[str] | None = None,
-    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    zone: Zones = None,
     obstacles: Path | Sequence[Path] = (),
 ) -> Figure:
     """Plot the paths of a formation before and after a plan, side by side at one scale.
@@ -254,33 +253,7 @@ def formation_paths(
 
     For more than 200 spacecraft, only those of the closest pairs (at most 20) and a faint sample of the
     others are drawn. Conflicts are drawn for all.
-
-    Parameters
-    ----------
-    before, after : Path
-        Paths of shape (N,), such as the direct paths and the paths of a plan; one panel is drawn if both are
-        the same.
-    names : sequence of str, optional
-        Names of the spacecraft, drawn at the starts where they fit; default: their indices.
-    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One zone for all spacecraft or one for each, combined for a pair as in `screen` (None: no zone of its
-        own); obstacle k counts as spacecraft N + k.
-    obstacles : Path or sequence of Path, default none
-        Path of any shape, or a sequence of paths.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the paths differ in shape (N,) or orbit, the number of names is wrong, two zones cannot be combined
-        for a pair, or an argument has the wrong type.
     """
-    one_path("before", before)
-    one_path("after", after)
     matching = before.shape == after.shape and before.orbit == after.orbit
     if not matching or len(before.shape) != 1 or not len(before):
         raise ValueError(
@@ -317,6 +290,7 @@ def formation_story(stages: list[Formation], count: int) -> str:
 # ----- one spacecraft and its obstacles
 
 
+@picture("an obstacle shares no time with a path")
 def before_after(
     before: Path,
     after: Path,
@@ -333,35 +307,13 @@ def before_after(
 
     Parameters
     ----------
-    before, after : Path
-        Paths of one spacecraft; the same path if nothing changed.
-    obstacles : Path or sequence of Path
-        Path of any shape, or a sequence of paths.
-    zone : Zone
-        Keep-out zone around each obstacle.
     names : sequence of str, optional
         Names of the obstacles.
-    corridor : ApproachCone, optional
-        Approach corridor, which is drawn by four lines on its surface.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a path is a batch, an obstacle shares no time with it, the number of names is wrong, or
-        an argument has the wrong type.
 
     References
     ----------
     SP11 (Sauter and Palmer 2011) figure 3.
     """
-    one_craft("before", before)
-    one_craft("after", after)
-    instance("zone", zone, Zone)
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
     changed = not same(before, after)
@@ -375,7 +327,6 @@ def before_after(
         times = instants(*common_time(before, other), other)
         tracks.append(Track(other.position(times), OTHER, 1.1, label="obstacles"))
     if corridor is not None:
-        instance("corridor", corridor, ApproachCone)
         for line in corridor._outline(after.position(instants(after.start, after.end, after))):
             tracks.append(Track(line, ALTERNATIVE, 1.2, "-", "corridor", arrow=False))
     hit, closest = set[int](), list[tuple[float, int]]()
@@ -418,9 +369,14 @@ def passage_of(
     words = "zone at closest approach, after" if after else "zone at closest approach"
     shape = Shape(zone, centre, words, AFTER if after else ZONE, not after)
     host = Mark(
-        centre, AFTER if after else OTHER, "s", size=4.0, label="obstacle then", name=name * (not after)
+        centre,
+        AFTER if after else OTHER,
+        "s",
+        size=4.0,
+        label="obstacle at that time",
+        name=name * (not after),
     )
-    return [shape], [host, Mark(path.position(near.time), tint, label="craft then", order=5.0)]
+    return [shape], [host, Mark(path.position(near.time), tint, label="spacecraft at that time", order=5.0)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -436,12 +392,12 @@ class SquareView:
 
 def squares(views: Sequence[SquareView], said: str) -> Figure:
     """Return a figure of square views side by side."""
-    figure = sheet(6.3, layout="compressed")
+    figure = sheet(6.6)
     shown = []
     for axes, view in zip(figure.subplots(1, len(views)), views, strict=True):
         unit = length_unit(view.half)
         limits = (np.asarray(view.middle)[:, None] + view.half * np.array([-1.0, 1.0])) / unit.size
-        axes.set(xlim=limits[0], ylim=limits[1], aspect="equal")
+        axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="S")  # so that labels have room
         dress(axes)
         plain(axes.set_title(view.scene.title, fontsize=SMALL, color=INK))
         for axis, name in zip((axes.xaxis, axes.yaxis), view.axes_names, strict=True):
@@ -457,6 +413,7 @@ def around(points: Floats) -> tuple[Floats, float]:
     return (low + high) / 2, 0.6 * float((high - low).max() or 1.0)
 
 
+@picture("there are more than two ways, or no common time")
 def two_ways(
     path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None, name: str | None = None
 ) -> Figure:
@@ -469,36 +426,16 @@ def two_ways(
 
     Parameters
     ----------
-    path : Path
-        Path of one spacecraft.
-    obstacle : Path
-        Path of one obstacle.
-    zone : Zone
-        Keep-out zone around the obstacle.
     ways : sequence of Path, optional
         Up to two paths between the same end states; default: the path of lowest cost that was found, and that
         of lowest cost on the other passing side.
     name : str, optional
         Name of the obstacle.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a path is a batch, there are more than two ways, there is no common time, or an argument has
-        the wrong type.
-
     References
     ----------
     SP11 (Sauter and Palmer 2011) figure 2.
     """
-    one_craft("path", path)
-    one_craft("obstacle", obstacle)
-    instance("zone", zone, Zone)
     shared = common_time(path, obstacle)
     near = closest_approach(path, obstacle, zone)
     chosen = ways_around(path, obstacle, zone) if ways is None else sequence("ways", ways, Path)
@@ -614,6 +551,7 @@ def extra_cost(path: Path, avoidance: Path) -> str:
 # ----- free drift after a loss of thrust
 
 
+@picture("the arguments do not suit `drift_approach`")
 def drift_fan(
     path: Path, other: Path, zone: Zone, until: float, names: Sequence[str] | None = None
 ) -> Figure:
@@ -630,26 +568,7 @@ def drift_fan(
         Path of the failing spacecraft.
     other : Path
         Path of the other spacecraft, up to the end of the drift.
-    zone : Zone
-        Keep-out zone of the pair.
-    until : float [s]
-        End of the drift, as in `drift_approach`.
-    names : sequence of str, optional
-        Names of the two spacecraft.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a path is a batch, the number of names is not two, or under the same conditions as
-        `drift_approach`.
     """
-    one_craft("path", path)
-    one_craft("other", other)
     called = short_names(names, 2) if names is not None else ["The craft", "the other"]
     found = Failed.of(path, other, zone, until)
     worst, period = found.worst, path.orbit.period
@@ -659,20 +578,26 @@ def drift_fan(
     wanted = np.linspace(found.times[0], found.times[-1], FAN)
     for k in np.unique(np.searchsorted(found.times, wanted).clip(0, len(found.times) - 1)).tolist():
         unsafe, time = bool(found.ratios[k] <= 1.0), float(found.times[k])
-        words = "thrust lost, enters the zone" if unsafe else "thrust lost, stays clear"
+        words = f"free drift that {'enters the zone' if unsafe else 'stays clear'}"
         look: dict[str, Any] = {"colour": UNSAFE if unsafe else SAFE, "width": 0.9, "arrow": False}
         look |= {"label": words, "order": 2.1 + 0.1 * unsafe}
         whole.append(Track(gap(found, time, first_orbit(found, time, found.met[k])), **look))
         beside += [Track(piece, **look) for piece in abeam(found, time)]
     tint = CONFLICT if worst.ratio <= 1.0 else AFTER
-    look = {"colour": tint, "width": 2.2, "arrow": False, "label": "worst of all failures", "order": 4.0}
+    look = {
+        "colour": tint,
+        "width": 2.2,
+        "arrow": False,
+        "label": "closest free drift",
+        "order": 4.0,
+    }
     whole.append(Track(gap(found, lost, first_orbit(found, lost, met)), **look))
     beside += [Track(piece, **look) for piece in abeam(found, lost)]
     start, end = gap(found, None, np.array([path.start, path.end]))
     marks = [
-        Mark(start, INK, face="white", label="start", order=5.0),
-        Mark(end, INK, label="end", order=5.0),
-        Mark(gap(found, None, np.array([lost]))[0], tint, "X", size=9.0, label="thrust is lost", order=6.0),
+        Mark(start, INK, face="white", label="start of the plan", order=5.0),
+        Mark(end, INK, label="end of the plan", order=5.0),
+        Mark(gap(found, None, np.array([lost]))[0], tint, "X", size=9.0, label="loss of thrust", order=6.0),
     ]
     nearest: list[Mark] = []
     if np.isfinite(met):
@@ -681,15 +606,15 @@ def drift_fan(
         point = gap(found, lost, np.array([met]))[0]
         nearest = [Mark(point, tint, face="none", size=10.0, label="closest approach", order=6.0)]
     whole.append(Track(planned, INK, 2.4, label="plan", order=3.0))
-    shape, size = Shape(zone, ORIGIN, "keep-out zone"), float(drawn(zone).extents.max())
-    reach = np.vstack([planned, np.eye(3) * size, -np.eye(3) * size])
+    shape, extents = Shape(zone, ORIGIN, "keep-out zone"), drawn(zone).extents
+    reach = np.vstack([planned, np.diag(extents), -np.diag(extents)])
     cameras = PLANES[0], PLANES[2]
     names_of = [tuple(DIRECTIONS[axis].name for axis in pair) for pair, _ in cameras]
     scenes = (
         Scene(whole, [*marks, *nearest], [shape], f"relative to {called[1]}, from the side"),
         Scene(beside, nearest, [shape], "near the zone, seen along the track"),
     )
-    half = max(2.6, 1.3 * min(worst.ratio, 5.0)) * size
+    half = max(2.6, 1.3 * min(worst.ratio, 5.0)) * float(extents[[0, 2]].max())
     views = [
         SquareView(scenes[0], cameras[0][1], names_of[0], *around(cameras[0][1](reach))),  # type: ignore[arg-type]
         SquareView(scenes[1], cameras[1][1], names_of[1], np.zeros(2), half),  # type: ignore[arg-type]
@@ -737,6 +662,7 @@ def abeam(found: Failed, failed_at: float) -> list[Floats]:
 # ----- uncertainty and simulations
 
 
+@picture("orbits differ, there is no common time, or `sigmas` is not above 0")
 def tube(
     path: Path,
     other: Path,
@@ -755,33 +681,14 @@ def tube(
     ----------
     path, other : Path
         Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
-    zone : Zone
-        Keep-out zone around the other spacecraft.
     errors : Uncertainty
         Uncertainty of the first spacecraft, or of the relative state if `other_errors` is None.
-    other_errors : Uncertainty, optional
-        Uncertainty of the other spacecraft.
     sigmas : float, no unit, default 3
         Size of the tube in standard deviations.
-    names : sequence of str, optional
-        Names of the two spacecraft.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a path is a batch, orbits differ, there is no common time, `sigmas` is not above 0, the number of
-        names is not two, or an argument has the wrong type.
     """
-    instance("zone", zone, Zone)
     many = number("sigmas", sigmas)
     if not 0.0 < many < np.inf:
         raise ValueError(f"sigmas: must be finite and above 0, got {many:g}")
-    instance("errors", errors, Uncertainty)
     one, two = short_names(names, 2)
     found = Deviations.of(path, other, errors, other_errors)
     least = clearance_in_sigmas(path, other, zone, errors, other_errors)
@@ -822,30 +729,13 @@ def ellipses(covariances: Floats, sigmas: float) -> Floats:
     return np.asarray(CIRCLE @ axes.transpose(0, 2, 1))
 
 
+@picture()
 def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
     """Plot the paths of all runs and of the plan, with magnified deviations.
 
     Coloured lines are planned paths, pale lines are runs, red lines are the worst run. The figure states the
     magnification.
-
-    Parameters
-    ----------
-    flight : Simulation
-        Result of `simulate`.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the number of names is wrong, or an argument has the wrong type.
     """
-    instance("flight", flight, Simulation)
     count, runs = flight.states.shape[1], len(flight.states)
     called = short_names(names, count)
     turns = float(np.ptp(flight.times)) / flight.planned.orbit.period

@@ -14,6 +14,7 @@ from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, whole
+from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, FAINT, INK, OTHER, ZONE
 from closeform.plots.drawing.space import (
     GROUP_COLOURS,
@@ -50,6 +51,7 @@ def angle_text(angle: float, sign: bool = True) -> str:
     return text.replace("-", "−") + "°"
 
 
+@picture("the search begins with another phase")
 def in_plane_search(search: Search) -> Figure:
     """Plot the in-plane search of both groups: S04 figure 3, H03 figure 4.
 
@@ -61,16 +63,6 @@ def in_plane_search(search: Search) -> Figure:
     ----------
     search : Search
         Search that begins with an in-plane search.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the search begins with another phase, or `search` has the wrong type.
 
     References
     ----------
@@ -140,6 +132,7 @@ def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -
     axes.plot(*np.where(front, np.nan, points).T, color=colour, linewidth=width, alpha=0.25)
 
 
+@picture("the search has no such round")
 def manoeuvres(search: Search, number: int = 1) -> Figure:
     """Plot every turn of one round of a search for both groups: S04 figure 4.
 
@@ -157,21 +150,10 @@ def manoeuvres(search: Search, number: int = 1) -> Figure:
     number : int, default 1
         Number of the round, counted from 1.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the search has no such round, or an argument has the wrong type.
-
     References
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 4.
     """
-    instance("search", search, Search)
     whole("number", number)
     legs = [leg for leg in search.legs if leg.round == number and leg.angle]
     if not legs:
@@ -260,6 +242,7 @@ def turning(axes: Axes, camera: Camera, leg: Leg, boresight: Floats) -> None:
     arrow(axes, tilted(way) + camera(-1.5 * SUN), BEFORE, linewidth=1.3, mutation_scale=10)
 
 
+@picture("the search has no such mOPS or leaves no complementary cones")
 def complementary_cones(search: Search, mops: int = 1) -> Figure:
     """Plot the four regions of the complementary cones and their search times: S04 figure 5.
 
@@ -275,21 +258,10 @@ def complementary_cones(search: Search, mops: int = 1) -> Figure:
     mops : int, default 1
         Number of the mOPS that defines n1, the boresight of A at its start.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the search has no such mOPS or leaves no complementary cones, or an argument has the wrong type.
-
     References
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 5.
     """
-    instance("search", search, Search)
     if search.sensor.cosine <= 0.0:
         raise ValueError(
             f"search: a half-angle of {degrees(search.sensor.half_angle):g} deg leaves no complementary cones"
@@ -421,6 +393,10 @@ class Meeting:
         return "outside of H" if margin > ON else ("within H: locked" if margin < -ON else "on H, and locks")
 
 
+@picture(
+    "shapes are wrong, `time` is outside the first in-plane search or missing for a pair that does not "
+    "lock in it, or the search does not meet the requirements above"
+)
 def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: float | None = None) -> Figure:
     """Plot why spacecraft outside each other's complementary cones lock in the in-plane search: S04 figure 6.
 
@@ -441,22 +417,10 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
     time : float [s], optional
         Time in the first in-plane search; default: that of the first lock.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If shapes are wrong, `time` is outside the first in-plane search or missing for a pair that does not
-        lock in it, the search does not meet the requirements above, or an argument has the wrong type.
-
     References
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 6, lemma 2.
     """
-    instance("search", search, Search)
     if search.sensor.offset > 0.0 or search.sensor.cosine <= 0.0:
         raise ValueError(
             "search: lemma 2 requires sensors at the centres of mass and half-angles below 90 deg"

@@ -13,6 +13,7 @@ from closeform.dynamics.clearance import closest_pair, ratios_at_times
 from closeform.dynamics.control.tracking_tube import Tube
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, name_rows, series
+from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
 from closeform.plots.drawing.style import (
     DASHED,
@@ -38,6 +39,7 @@ MOST = 24  # maximum number of spacecraft in the cost figure
 CLOSE_UP = 0.012  # of the duration: half the width of the close-up
 
 
+@picture()
 def flight_deviations(
     flight: Simulation, tube: Tube | None = None, names: Sequence[str] | None = None
 ) -> Figure:
@@ -45,28 +47,7 @@ def flight_deviations(
 
     Each pale line is the largest deviation of any spacecraft in one run. The blue line is the median of all
     runs; the red line is the run with the largest deviation.
-
-    Parameters
-    ----------
-    flight : Simulation
-        Result of `simulate`.
-    tube : Tube, optional
-        Tracking-error tube predicted by `tube`.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the number of names is wrong, or an argument has the wrong type.
     """
-    instance("flight", flight, Simulation)
-    instance("tube", tube, Tube, type(None))
     called = short_names(names, flight.states.shape[1])
     off, worst = flight.deviations.max(axis=1), int(np.argmax(flight.deviations))
     run, craft, step = (int(k) for k in np.unravel_index(worst, flight.deviations.shape))
@@ -88,6 +69,7 @@ def flight_deviations(
     return series(most + share, [panel], clock_of(flight), start, end, height=5.8)
 
 
+@picture("there are fewer than two spacecraft, or no pair has a zone")
 def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
     """Plot the minimum clearance ratio of all pairs against time, for every run, with a close-up.
 
@@ -97,25 +79,9 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
 
     Parameters
     ----------
-    flight : Simulation
-        Result of `simulate`.
     zone : Zone or PairZones
         One zone for all pairs, or one for each.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two spacecraft, no pair has a zone, the number of names is wrong, or an
-        argument has the wrong type.
     """
-    instance("flight", flight, Simulation)
     instance("zone", zone, Zone, PairZones)
     count = flight.states.shape[1]
     called = short_names(names, count)
@@ -178,29 +144,12 @@ def clock_of(flight: Simulation) -> Clock:
     return clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
 
 
+@picture()
 def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
     """Plot the delta-v of each spacecraft in every run: plan, model compensation and feedback.
 
     Only the spacecraft with the largest delta-v are shown if there are many.
-
-    Parameters
-    ----------
-    flight : Simulation
-        Result of `simulate`.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the number of names is wrong, or an argument has the wrong type.
     """
-    instance("flight", flight, Simulation)
     called = short_names(names, flight.states.shape[1])
     shown = np.sort(np.argsort(-flight.delta_v.max(axis=0), kind="stable")[:MOST])
     rows, many = np.arange(len(shown))[::-1], len(flight.states) > 1

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
-from closeform.plots.drawing.inputs import one_craft
+from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
 from closeform.plots.drawing.style import (
     DASHED,
@@ -42,6 +42,7 @@ ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and ove
 FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
+@picture("`values` has another shape, is infinite or all nan, or `tail` is not between 0 and 1")
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     """Plot a histogram of values, and the cumulative share of cases up to each value.
 
@@ -56,17 +57,6 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
         Name of the quantity with its unit, such as "delta-v [m/s]".
     tail : float, no unit, default 0.95
         Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `values` has another shape, is infinite or all nan, `tail` is not between 0 and 1, or an argument
-        has the wrong type.
 
     References
     ----------
@@ -106,6 +96,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     return figure
 
 
+@picture("`times` has another shape or lies outside the search, or `bin` is not positive and finite")
 def histogram(
     times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
 ) -> Figure:
@@ -127,22 +118,10 @@ def histogram(
     what : str, default "pairs lock"
         Plural noun and verb of the event, such as "formations gather" for the durations of `gather_cases`.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `times` has another shape or lies outside the search, `bin` is not positive and finite, or an
-        argument has the wrong type.
-
     References
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
     """
-    instance("search", search, Search, type(None))
     instance("what", what, str)
     given = numbers("times", times)
     if given.ndim != 1:
@@ -205,6 +184,7 @@ def spaced(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
+@picture("shapes are wrong, or a number is not finite")
 def sweep(
     values: ArrayLike,
     share: ArrayLike,
@@ -229,16 +209,6 @@ def sweep(
         Name of the swept quantity with its unit.
     names : sequence of str, default one without a name
         Names of the K lines.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If shapes are wrong, a number is not finite, or an argument has the wrong type.
 
     References
     ----------
@@ -271,11 +241,15 @@ def sweep(
     if any(called):
         legend(figure, lines, words)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
-    between = f"{least:.4g} to {most:.4g}" if most > least else f"{most:.4g}"
+    between = f"{least:.3g} to {most:.3g}" if most > least else f"{most:.3g}"
     headline(figure, f"All requirements are met in {between} % of cases")
     return figure
 
 
+@picture(
+    "`found` has no rate because of its method or because there are no entries, or `limit` is not a "
+    "probability above 0"
+)
 def collision(
     found: Probability, path: Path | None = None, limit: float | None = None, what: str = ""
 ) -> Figure:
@@ -297,21 +271,8 @@ def collision(
         Required maximum probability.
     what : str, default ""
         Name of the pair, placed at the start of the headline.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `found` has no rate because of its method or because there are no entries, the path is a batch,
-        `limit` is not a probability above 0, or an argument has the wrong type.
     """
     instance("found", found, Probability)
-    if path is not None:
-        one_craft("path", path)
     instance("what", what, str)
     if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
         raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")

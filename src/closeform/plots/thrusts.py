@@ -21,8 +21,8 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
-from closeform.plots.drawing.charts import Curve, Panel, name_rows, series
-from closeform.plots.drawing.inputs import crafts, texts
+from closeform.plots.drawing.charts import DASHES, Curve, Panel, name_rows, series
+from closeform.plots.drawing.inputs import crafts, picture, texts
 from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
@@ -67,6 +67,10 @@ OPPOSITE = 1e-9  # largest component of the sum of two opposite directions
 IDLE = 1e-6  # of the largest delta-v of a thruster; smaller values count as zero
 
 
+@picture(
+    "there are more than three paths or none, the number of labels is wrong, or `mass` is not positive "
+    "and finite"
+)
 def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | None = None) -> Figure:
     """Plot the magnitude and the components of the thrust of up to three paths against time.
 
@@ -80,17 +84,6 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         Label of each path.
     mass : float [kg], optional
         Mass of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there are more than three paths or none, the number of labels is wrong, `mass` is not positive and
-        finite, or an argument has the wrong type.
     """
     if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
@@ -106,36 +99,26 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         (float(np.linalg.norm(jump)) for path in single_paths for _, jump in path.impulses), default=0.0
     )
 
-    figure, panels = chart(9.0, [1.25, 1, 1, 1])
-    names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
-    for axes, (name, colour) in zip(panels, names, strict=True):
-        axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
-        if axes is not panels[0]:
-            axes.axhline(0, color=INK, linewidth=0.8)
     spent = speed_unit(max(path.delta_v for path in single_paths))
-    lines, words = [], []
-    for path, (colour, dashes), name in zip(
-        single_paths, LINES[len(single_paths) - 1 :: -1], labels, strict=True
-    ):
+    names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
+    curves: list[list[Curve]] = [[] for _ in names]
+    looks = LINES[len(single_paths) - 1 :: -1]
+    for path, (colour, dashes), name in zip(single_paths, looks, labels, strict=True):
         times = instants(path.start, path.end, path)
-        push = force * path.thrust(times)
+        push = force * path.thrust(times) / unit.size
         energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
-        words.append(f"{name}: Δv {spent.text(path.delta_v)}{energy}")
-        for axes, curve in zip(panels, [np.linalg.norm(push, axis=1), *push.T], strict=True):
-            look: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 2.2}
-            (line,) = axes.plot(ticks(times), curve / unit.size, **look)
-        lines.append(line)
-    for axes in panels:
-        level(axes, 1.1 * max(np.abs(axes.get_ylim())), axes is panels[0])
+        words = f"{name}: Δv {spent.text(path.delta_v)}{energy}"
+        for own, values in zip(curves, [np.linalg.norm(push, axis=1), *push.T], strict=True):
+            own.append(Curve(times, values, "" if own is not curves[0] else words, colour, dashes, 2.2))
+    panels = [Panel(f"{name} [{unit.name}]", own) for (name, _), own in zip(names, curves, strict=True)]
+    costs = [f"{name} {speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
+    figure = series(f"Delta-v: {', '.join(costs)}", panels, ticks, start, end, height=9.0)
+    for axes, (_, colour) in zip(figure.axes, names, strict=True):
+        axes.yaxis.label.set(fontsize=SMALL, color=colour)
+        axes.axhline(0, color=INK, linewidth=0.8)
+        level(axes, max(np.abs(axes.get_ylim())), axes is figure.axes[0])
     if greatest > 0:
-        stems(panels, single_paths, ticks, greatest)
-    time_axes(panels, ticks, start, end)
-    legend(figure, lines, words, handlelength=2.6)
-    most = max(range(len(single_paths)), key=lambda k: single_paths[k].delta_v)
-    headline(
-        figure,
-        f"Thrust and impulses; {labels[most]} has the largest delta-v, {speed(single_paths[most].delta_v)}",
-    )
+        stems(figure.axes[:4], single_paths, ticks, greatest)
     return figure
 
 
@@ -159,6 +142,7 @@ def stems(panels: list[Axes], single_paths: list[Path], ticks: Clock, greatest: 
         right.spines["right"].set(visible=True, color=OTHER)
 
 
+@picture("the number of limits, masses or on_off is wrong, or masses are not positive")
 def formation_thrust(
     paths: Path | Sequence[Path],
     names: Sequence[str] | None = None,
@@ -173,10 +157,6 @@ def formation_thrust(
 
     Parameters
     ----------
-    paths : Path or sequence of Path
-        Path of shape (N,), or N paths.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
     limits : array_like of shape (N,) [m/s^2], optional
         Maximum thrust accelerations; nan or inf for no limit. If they differ, a second panel shows the share
         of its own limit that each spacecraft uses.
@@ -184,17 +164,6 @@ def formation_thrust(
         Masses of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
     on_off : array_like of bool of shape () or (N,), default False
         True for spacecraft whose limit is the thrust of one on-off thruster.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the number of names, limits, masses or on_off is wrong, masses are not positive, or an argument
-        has the wrong type.
     """
     single_paths = crafts("paths", paths)
     called, count = short_names(names, len(single_paths)), len(single_paths)
@@ -219,6 +188,7 @@ def formation_thrust(
         times = instants(path.start, path.end, path)
         push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k]
         look: dict[str, Any] = {"colour": tints[k], "width": 2.0 if count <= FEW else 1.0}
+        look["dashes"] = DASHES[1 + (k - 1) % 3 if k else 0]  # a curve on top of an equal one shows both
         pushes.append(Curve(times, push / unit.size, called[k] if few else "", **look))
         if known[k]:
             shares.append(Curve(times, 100.0 * push / most[k], **look))
@@ -294,6 +264,7 @@ def vector(name: str, given: ArrayLike, count: int) -> Floats:
     return values
 
 
+@picture("there are more than 60 paths")
 def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | None = None) -> Figure:
     """Plot the burns of each spacecraft: a row per spacecraft, a bar per burn, scaled to its delta-v.
 
@@ -304,18 +275,6 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     ----------
     paths : Path, sequence of Path, or ThrusterFiring
         Path of shape (N,), up to 60 paths, or a `ThrusterFiring`, whose pulses are shown.
-    names : sequence of str, optional
-        Names of the spacecraft; default: their indices.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there are more than 60 paths, the number of names is wrong, or an argument has the wrong type.
     """
     firing = paths if isinstance(paths, ThrusterFiring) else None
     single_paths = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
@@ -387,6 +346,7 @@ def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFirin
     return f"{said} in total; {called[k]} has the largest delta-v, {speed(spent[k])}"
 
 
+@picture("there is no such spacecraft")
 def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> Figure:
     """Plot the pulses of each thruster of a spacecraft against time, over the planned thrust.
 
@@ -397,24 +357,11 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
 
     Parameters
     ----------
-    firing : ThrusterFiring
-        Result of `fire_thrusters`.
     craft : int, default 0
         Index of the spacecraft.
     name : str, optional
         Name of the spacecraft; default: its index if there are several.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If there is no such spacecraft, or an argument has the wrong type.
     """
-    instance("firing", firing, ThrusterFiring)
     if name is not None:
         instance("name", name, str)
     count = len(firing.thrusters)
@@ -448,7 +395,15 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
             for time, jump in plan.impulses:
                 size = float(thrusters.directions_at(plan.orbit, time)[thruster] @ jump) / unit.size
                 if size > 0.0:
-                    axes.plot(ticks(time), sign * size, "o", markersize=8, markerfacecolor="none", color=INK)
+                    axes.plot(
+                        ticks(time),
+                        sign * size,
+                        "o",
+                        markersize=8,
+                        markerfacecolor="none",
+                        color=INK,
+                        clip_on=False,
+                    )
             used = len(own) + len(lost) > 0
             if bit > 0.0 and used:
                 axes.axhline(sign * bit / unit.size, color=INK, linewidth=0.9, linestyle=DASHED)

@@ -11,8 +11,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from closeform.mission.verdict import MET
+from closeform.report.description import Column, Section, Table
 from closeform.report.picture import Progress, Shot, drawn
-from closeform.report.section import Column, Section, Table
 from closeform.storage.result_folder import (
     REPORT,
     SCENARIO,
@@ -33,56 +34,7 @@ LONG = 40  # characters above which the text of a cell wraps
 RIGHT_TO_LEFT = re.compile(
     "[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]+(?: +[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]+)*"
 )
-LIGHT = (
-    "--ink:#1b1f24;--paper:#fdfdfc;--faint:#5b6470;--line:#d5d8dc;--card:#f3f4f5;--good:#14704e;--bad:#a83a17"
-)
-DARK = (
-    "--ink:#e6e8ea;--paper:#16191d;--faint:#a2abb5;--line:#363c44;--card:#1f2429;--good:#5bc49a;--bad:#f0926b"
-)
-STYLE = f"""
-:root {{ color-scheme: light dark; {LIGHT}; }}
-@media screen and (prefers-color-scheme: dark) {{ :root {{ {DARK}; }} }}
-* {{ box-sizing: border-box; }}
-body {{ font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 64rem; margin: 0 auto; padding: 2rem 1.2rem 4rem; overflow-wrap: break-word; }}
-h1 {{ font-size: 1.7rem; line-height: 1.25; margin: 0 0 .3rem; }}
-h2 {{ font-size: 1.25rem; line-height: 1.3; margin: 0 0 .4rem; }}
-h3 {{ font-size: 1rem; margin: 1.3rem 0 .3rem; }} p {{ margin: .35rem 0; }} .faint {{ color: var(--faint); }}
-a {{ color: inherit; text-decoration-color: var(--faint); text-underline-offset: .15em; }}
-section {{ margin-top: 2.2rem; border-top: 1px solid var(--line); padding-top: 1.2rem; }}
-.verdict {{ display: inline-block; padding: .4rem .8rem; border-radius: .4rem; background: var(--card);
-  font-weight: 600; margin: .8rem 0 .2rem; }}
-.good {{ color: var(--good); }} .bad {{ color: var(--bad); }} td.good, td.bad {{ font-weight: 600; }}
-nav {{ margin-top: 1.4rem; }}
-nav ol {{ margin: .2rem 0; padding-left: 1.6rem; columns: 22rem 2; column-gap: 2rem; }}
-nav li {{ break-inside: avoid; }}
-nav li::marker {{ color: var(--faint); font-variant-numeric: tabular-nums; }}
-.wide {{ overflow-x: auto; }}
-table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .95rem; }}
-th, td {{ text-align: right; vertical-align: top; padding: .2rem .55rem; border-bottom: 1px solid var(--line);
-  white-space: nowrap; }}
-th {{ font-weight: 600; color: var(--faint); white-space: normal; vertical-align: bottom; }}
-.words {{ text-align: left; }} td.long {{ white-space: normal; min-width: 16rem; }}
-th:first-child, td:first-child {{ padding-left: 0; }}
-figure {{ margin: 1.2rem 0; }} figcaption {{ color: var(--faint); font-size: .92rem; }}
-img {{ display: block; max-width: 100%; height: auto; background: #fff;
-  border-radius: .4rem; padding: .4rem; }}
-summary {{ cursor: pointer; margin: 1rem 0 .3rem; font-weight: 600; }}
-@media (max-width: 40rem) {{ body {{ padding: 1.2rem .9rem 3rem; }} h1 {{ font-size: 1.4rem; }}
-  th, td {{ padding: .2rem .55rem; }} td.long {{ min-width: 13rem; }} img {{ padding: .15rem; }} }}
-@media print {{ @page {{ size: A4; margin: 14mm 15mm; }} :root {{ color-scheme: light; }}
-  body {{ font-size: 10pt; max-width: none; padding: 0; background: none; }} nav, .screen {{ display: none; }}
-  section {{ margin-top: 1.4rem; padding-top: .8rem; }} h2, h3 {{ break-after: avoid; }}
-  tr, figure, .verdict {{ break-inside: avoid; }} thead {{ display: table-header-group; }}
-  .wide {{ overflow: visible; }} table {{ font-size: 8pt; max-width: 100%; }}
-  th, td {{ padding: .1rem .45rem; }}
-  td.long {{ min-width: 0; }}
-  .verdict {{ padding: .3rem 0; background: none; }} img {{ max-height: 112mm; width: auto; padding: 0; }}
-  details:not([open])::details-content {{ content-visibility: visible; height: auto; }}
-  @supports not selector(::details-content) {{
-    details:not([open]) summary::after {{ content: " (closed; open it to print it)"; font-weight: 400; }} }}
-  summary {{ break-after: avoid; }} a {{ text-decoration: none; }} }}
-"""
+STYLE = Path(__file__).with_name("page.css").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -356,3 +308,54 @@ def write(
     links = [(name, words) for name, words in MOVING.items() if name in beside]
     folder.text(REPORT, document(replace(head, links=links), [*chapters, repeat.section(beside)], shots))
     folder.summary(figures)
+
+
+@dataclass(frozen=True, eq=False)
+class CommandReport:
+    """Report on the files of a `command`: what the terminal, the page, `summary.json` and tables show.
+
+    - `subject`: what was evaluated, for the animated page.
+    - `opening`, `lines`, `tables`, `verdict`: printed in this order; `about`: lines below the title.
+    - `chapters`: sections of the page except the one on reproduction.
+    - `figures`: for `summary.json`; `files`: columns of tables by name.
+    - `beside`: writes further files.
+    """
+
+    command: Command
+    subject: Any
+    title: str
+    opening: tuple[str, ...]
+    about: Sequence[str]
+    lines: tuple[str, ...]
+    tables: tuple[Table, ...]
+    verdict: Any
+    chapters: tuple[Section, ...]
+    figures: Mapping[str, Any]
+    files: Mapping[str, Mapping[str, Any]]
+    warnings: Sequence[str] = ()
+    beside: Callable[[Folder], object] = lambda folder: None
+    printed_warnings = hint = ()
+    wraps = False  # whether a long verdict is broken into lines
+
+    @property
+    def printed(self) -> tuple[Section, ...]:
+        """What the terminal shows."""
+        tables = tuple(replace(one, folded=False) for one in self.tables)
+        return (Section("", (*self.opening, *self.lines), tables),)
+
+    def write(
+        self, folder: Folder, progress: Progress = lambda text: None, viewer: Viewer | None = None
+    ) -> None:
+        """Fill a result folder with all files; `viewer` writes the animated page."""
+        progress("writing tables")
+        for name, columns in self.files.items():
+            folder.table(name, columns)
+        self.beside(folder)
+        head = Head(self.title, self.about, str(self.verdict), self.verdict.status == MET, self.warnings)
+        figures = {
+            "kind": self.figures["kind"],
+            "title": self.title,
+            **self.command.figures,
+            **self.figures,
+        }
+        write(folder, head, self.chapters, self.command.repeat, figures, progress, viewer)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from closeform.plots.animations import Reel
+    from closeform.plots.drawing.moving import Reel
     from closeform.storage.result_folder import Folder
 
 Progress = Callable[[str], None]

@@ -1,6 +1,6 @@
 """Report of a run: the request, the outcome, and one section per stage."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby, takewhile
@@ -15,13 +15,9 @@ from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach
 from closeform.conflicts.two_paths import nearest_first
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
-from closeform.mission.verdict import conflicts_of
-from closeform.report import conflicts, effort, model, moves, page, searches, uncertain
-from closeform.report.conflicts import RATIO
-from closeform.report.effort import first_of_each
-from closeform.report.page import Repeat
-from closeform.report.picture import Film, Picture, Progress
-from closeform.report.section import (
+from closeform.mission.verdict import Verdict, conflicts_of
+from closeform.report import page
+from closeform.report.description import (
     MOST_ROWS,
     PAIR,
     Column,
@@ -35,6 +31,11 @@ from closeform.report.section import (
     plan_of,
     state_columns,
 )
+from closeform.report.page import Repeat
+from closeform.report.picture import Film, Picture, Progress
+from closeform.report.sections import conflicts, effort, model, moves, passive, searches, uncertain
+from closeform.report.sections.conflicts import RATIO
+from closeform.report.sections.effort import first_of_each
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -48,7 +49,6 @@ from closeform.scenario import (
     Transfer,
 )
 from closeform.scenario.load import toml
-from closeform.search.gathering.result import EventKind, Gathering
 from closeform.storage import arc_tables
 from closeform.storage.result_folder import Folder
 
@@ -217,8 +217,8 @@ def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
     met: bool | None = not verdict.conflicts and not verdict.enters
     if verdict.enters and not verdict.conflicts:
         found += f"; predicted in {verdict.field}: {verdict.predicted:.4f} x zone"
-    if met and verdict.margin is not None and verdict.margin.exceeded:
-        met, found = None, f"{found}; not shown beyond {verdict.model}: {verdict.margin}"
+    if met and (least := verdict.zone_distance) is not None and least.exceeded:
+        met, found = None, f"{found}; not shown beyond {verdict.model}: {least}"
     yield "No craft enters a keep-out zone at any instant", found, met
 
 
@@ -280,7 +280,11 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
         "names": names,
         "zone": mission.scenario.zones,
         "titles": titles,
-        "locks": [lock for result in flown for lock in locks(result)],
+        "locks": [
+            (result.start + time, *pair)
+            for result in flown
+            for time, *pair in searches.locks_of(result.result)
+        ],
     }
     paths = [result.after.paths for result in flown]
     whole = Picture("overview", "The whole mission", "overview", (paths,), options)
@@ -293,23 +297,29 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
     )
 
 
-def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:
-    """Yield the time [s] and the indices of the two spacecraft of each lock in a stage."""
-    found = result.result
-    if isinstance(found, Gathering):
-        for event in found.events:
-            if event.kind is EventKind.LOCK:
-                yield result.start + event.time, event.first, event.second
-    elif isinstance(found, FirstLocks):
-        pairs = zip(found.pairs.tolist(), found.locks.time.tolist(), found.locks.leg.tolist(), strict=True)
-        yield from ((result.start + time, one, other) for (one, other), time, leg in pairs if leg >= 0)
-
-
 @dataclass(frozen=True, eq=False)
 class RunReport:
     """Report on a mission."""
 
     mission: Mission
+    hint = ()
+    wraps = True  # whether a long verdict is broken into lines
+
+    @property
+    def printed(self) -> tuple[Section, ...]:
+        """What the terminal shows: the opening, the stages, simulations, and the use in the whole mission."""
+        opening = Section("", (self.mission.scenario.title, self.opening, *self.origin))
+        return opening, *self.sections, *self.in_flight, Section("", tables=self.closing)
+
+    @property
+    def printed_warnings(self) -> Sequence[str]:
+        """Warnings."""
+        return self.mission.warnings
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the mission."""
+        return self.mission.verdict
 
     @property
     def opening(self) -> str:
@@ -333,7 +343,7 @@ class RunReport:
             return None
         from closeform.report.simulation import SimulationContent  # most runs do not need these kernels
 
-        return SimulationContent(self.mission.flights)
+        return SimulationContent.of(self.mission.flights)
 
     @cached_property
     def in_flight(self) -> tuple[Section, ...]:
@@ -343,7 +353,7 @@ class RunReport:
             return (Section(SIMULATED, (f"Not simulated: {mission.grounded}",)),)
         if mission.scenario.flights is not None and not mission.flown:
             return (Section(SIMULATED, ("Not simulated: the mission stopped in its first stage",)),)
-        return () if self.flights is None else (self.flights.section(SIMULATED, self.flights.opening[1:]),)
+        return () if self.flights is None else (self.flights.section(SIMULATED, self.flights.opening),)
 
     @property
     def origin(self) -> tuple[str, ...]:
@@ -454,7 +464,10 @@ class RunReport:
         progress("writing tables")
         tables = {**self.files, "paths": states(self.mission), **exact(self.mission)}
         if self.flights is not None:
-            tables |= {WORST_PATHS if name == "paths" else name: one for name, one in self.flights.stored}
+            from closeform.report.simulation import stored
+
+            simulated = stored(self.flights.simulated)
+            tables |= {WORST_PATHS if name == "paths" else name: one for name, one in simulated}
         for name, columns in tables.items():
             folder.table(name, columns)
         folder.csv("burns", self.files.get("burns", {}))
@@ -488,18 +501,19 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     if not result.flown and result.failure is not None:  # the verdict has the full reason
         why = result.failure if plan is None or plan.ok else str(plan.status)
         failed.append(f"Not executed: {in_short(why)}")
-    pictures = own.pictures + conflicts.drift_pictures(result)
+    safe = passive.section(result)
+    pictures = own.pictures + safe.pictures
     large = [one for one in pictures if isinstance(one, Film) and one.most < count]
     whole = replace(
         own,
         lines=(
             *failed,
-            *conflicts.drift_lines(result),
+            *safe.lines,
             *model.predicted(mission, result),
             *conflicts.zones(result.before),
             *own.lines,
         ),
-        tables=own.tables + conflicts.drift_tables(result),
+        tables=own.tables + safe.tables,
         closing=(
             *model.margin(result),
             *own.closing,
@@ -532,14 +546,14 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "after": conflicts.figures(result.after),
             **own.figures,
             **(effort.limit_figures(mission, result) if found else {}),
-            **conflicts.drift_figures(result),
+            **safe.figures,
             **model.error_figures(result),
         },
         files={
             **conflicts.tables_of({"before": result.before, "after": result.after}),
             **effort.files(mission, result),
             **own.files,
-            **conflicts.drift_files(result),
+            **safe.files,
         },
     )
     epoch = mission.scenario.epoch

@@ -2,24 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import degrees
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from closeform.conflicts.flight import WatchedFlight
 from closeform.dynamics.force_model.field import described
-from closeform.exchange.epochs import Epoch
 from closeform.mission.simulation import SimulatedRun, SimulatedStage
-from closeform.mission.simulation_verdict import Entered
-from closeform.report import conflicts, effort, model, page
-from closeform.report.page import Command, Head
-from closeform.report.picture import Picture, Progress
-from closeform.report.section import PAIR, Column, Section, Table, counted, state_columns
+from closeform.report.description import PAIR, Column, Section, Table, counted, state_columns
+from closeform.report.page import Command, CommandReport
+from closeform.report.picture import Picture
+from closeform.report.sections import conflicts, effort, model
 from closeform.scenario.study import UNPLANNED, readers
-from closeform.storage.result_folder import Folder
-from closeform.zones.pair_zones import PairZones
 
 
 def error_lines(errors: Sequence[Any]) -> Iterator[str]:
@@ -233,144 +227,36 @@ def sure(simulated: SimulatedRun) -> Section:
 
 @dataclass(frozen=True, eq=False)
 class SimulationContent:
-    """Content of a report on a mission that was `simulated` in its high-fidelity model."""
+    """Content of a report on a mission that was `simulated` in its high-fidelity model.
+
+    `opening` describes the simulations; `lines` and `tables` hold their results.
+    """
 
     simulated: SimulatedRun
+    opening: tuple[str, ...]
+    lines: tuple[str, ...]
+    tables: tuple[Table, ...]
+
+    @classmethod
+    def of(cls, simulated: SimulatedRun) -> Self:
+        """Return the content on simulations."""
+        return cls(
+            simulated, tuple(described_lines(simulated)), tuple(found_lines(simulated)), tables(simulated)
+        )
 
     @property
     def title(self) -> str:
         """The title of the report."""
         return f"{self.simulated.run.scenario.title}: simulated in the high-fidelity model"
 
-    @property
-    def flight(self) -> WatchedFlight:
-        """The worst simulation, for the animated page."""
-        return self.simulated.worst
-
-    @property
-    def zones(self) -> PairZones:
-        """The keep-out zones of all pairs."""
-        return self.simulated.zones
-
-    @property
-    def epoch(self) -> Epoch | None:
-        """The epoch of time 0; None if it is unknown."""
-        return self.simulated.run.scenario.epoch
-
-    @property
-    def opening(self) -> tuple[str, ...]:
-        """The number of simulations, the force model, the control law, the errors and lost craft."""
-        one, given = self.simulated, self.simulated.arguments
-        law, sight = given["feedback"], given["navigation"]
-        count = f"{counted(len(one.flight.states), 'simulation')} of {len(one.names)} craft"
-        alike = "" if one.uncertain else "; without uncertainty, all others are the same"
-        lines = [self.title, f"{count}, {counted(len(one.stages), 'stage')}{alike}"]
-        unknown = "" if one.field is one.known else " except for drawn values"
-        where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust compensates for it"
-        if one.control == "open":
-            lines.append(f"{where}; open loop, no navigation updates")
-        else:
-            replan = "; the remainder is replanned, around the zones, at each measurement"
-            how = f"measured every {law.every:g} s, corrected within {law.horizon:g} s"
-            if law.impulses:
-                how += f" by {law.impulses} {'burns' if one.thrusters else 'impulses'}"
-            if law.delay:
-                how += f", delayed by {law.delay:g} s"
-            seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
-            if sight.correlation:
-                seen += f", correlation time {sight.correlation:g} s"
-            if sight.position_bias or sight.velocity_bias:
-                biases = f"{1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
-                seen += f", bias {biases}"
-            lines += [where + replan * (one.control == "replan"), f"Feedback: {how}", seen]
-        return *lines, *self.thrust_errors, *self.drawn, *self.without_control
-
-    @property
-    def without_control(self) -> Iterator[str]:
-        """The spacecraft without an engine, and those that lose their thrust."""
-        if names := ", ".join(np.array(self.simulated.names)[~self.simulated.arguments["engine"]]):
-            yield f"No engine: {names}; they drift in the high-fidelity model without feedback"
-        if losses := ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.simulated.run.lost):
-            yield f"Thrust lost: {losses}; from then on they drift"
-
-    @property
-    def drawn(self) -> Iterator[str]:
-        """The sampled values of a case that are unknown to its plans."""
-        scenario = self.simulated.run.scenario
-        if scenario.study is None or scenario.drawn_flight is None:
-            return
-        found = []
-        for key in scenario.study.vary:
-            if key.startswith(UNPLANNED) and (reader := readers()[key]) is not None:
-                values = ", ".join(f"{value:.4g}" for value in scenario.truth.given(key))
-                found.append(f"{key} {values} {reader.kind.units[0]}")
-        yield f"Drawn and unknown to plans: {'; '.join(found)}"
-
-    @property
-    def thrust_errors(self) -> Iterator[str]:
-        """The spacecraft that fire pulses, the execution errors of thrust, and the errors of each craft."""
-        if shot := self.simulated.thrusters:
-            names = "all" if len(shot) == len(self.simulated.names) else ", ".join(shot)
-            back = (
-                "" if self.simulated.control == "open" else ", and feedback corrections of at least one bit"
-            )
-            yield f"Thrusters: {names} fire the compensated plan as pulses{back}"
-        size, angle = np.atleast_2d(self.simulated.arguments["thrust_error"]).max(axis=0)
-        found = list(error_lines(self.simulated.arguments["errors"] or ()))
-        if size or angle:
-            largest = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
-            yield f"Thrust: error up to {largest}, constant in a simulation"
-        elif not found:
-            yield "Thrust: as commanded; set thrust_error, or execution of [craft], to give it errors"
-        yield from found
-
-    @property
-    def verdict(self) -> Entered:
-        """The keep-out violations and the limits that are exceeded."""
-        return self.simulated.entered
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The worst simulation, the tracking-error tube, and shortfalls of thrust."""
-        flight, tube, near = self.simulated.flight, self.simulated.tube, self.flight.closest
-        lines = []
-        if near is not None:
-            lead = f"Worst simulation, {flight.worst}" if len(flight.states) > 1 else "Closest approach"
-            lines.append(
-                f"{lead}: {near.first} - {near.second}, {near.ratio:.4f} x zone "
-                f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
-            )
-        if tube is not None:
-            radius = f"{np.max(tube.radius):.3g} m per craft, {tube.of_a_pair:.3g} m per pair"
-            lines.append(
-                f"Tracking-error tube of any plan with this feedback: {radius}, "
-                f"{tube.sigmas:g} sigmas per direction"
-            )
-            bound = contained(self.simulated)
-            within = f"{100.0 * tube.probability:.3f} % of simulations stay within {bound:.3g} m"
-            lines.append(f"Largest deviation from the plan: {flight.greatest_deviation:.3g} m; {within}")
-        short = dict(zip(self.simulated.names, flight.limited.max(axis=0).tolist(), strict=True))
-        lines += [
-            f"{name}: feedback exceeds its thrusters in up to {100.0 * short[name]:.3g} % of a simulation; "
-            "use stronger thrusters, or add one along each axis"
-            for name in self.simulated.thrusters
-            if short[name] > 0.0
-        ]
-        lines += [
-            f"{name}: an axis without a thruster is not controlled; deviation up to {aside:.3g} m"
-            for name, aside in self.simulated.unled.items()
-        ]
-        return tuple(lines)
-
-    @cached_property
-    def tables(self) -> tuple[Table, ...]:
-        """Stages, costs, and the worst simulations."""
-        return tables(self.simulated)
-
     def section(self, title: str, lines: tuple[str, ...] = ()) -> Section:
         """Return the section on the simulations under a title, after some lines."""
-        found = (*lines, *self.lines, *self.worst[0])
-        return Section(title, found, (*self.tables, *self.worst[1]), pictures=tuple(self.pictures))
+        more: tuple[tuple[str, ...], tuple[Table, ...]] = (), ()
+        if self.simulated.worst.conflicts:
+            which = "worst " * (len(self.simulated.flight.states) > 1)
+            more = conflicts.listed(f"Conflicts of the {which}simulation", self.simulated.worst)
+        found = (*lines, *self.lines, *more[0])
+        return Section(title, found, (*self.tables, *more[1]), pictures=tuple(pictures(self.simulated)))
 
     @property
     def sure(self) -> Section:
@@ -378,33 +264,9 @@ class SimulationContent:
         return sure(self.simulated)
 
     @property
-    def worst(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-        """The conflicts of the worst simulation, as lines and tables."""
-        if not self.flight.conflicts:
-            return (), ()
-        which = "worst " * (len(self.simulated.flight.states) > 1)
-        return conflicts.listed(f"Conflicts of the {which}simulation", self.flight)
-
-    @property
-    def pictures(self) -> Iterator[Picture]:
-        """Pictures of clearance ratios, deviations, paths and delta-v."""
-        flight, names = self.simulated.flight, {"names": self.simulated.names}
-        if flight.ratios.size:
-            caption = "Clearance ratios in every simulation, and those of the closest pair"
-            yield Picture("flights-ratios", caption, "flight_ratios", (flight, self.zones), names)
-        caption = "Deviation from the plan in every simulation, and the predicted tracking-error tube"
-        yield Picture(
-            "flights-deviations", caption, "flight_deviations", (flight, self.simulated.tube), names
-        )
-        caption = "The paths as planned and as simulated, with deviations enlarged"
-        yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
-        caption = "Delta-v of each craft for the plan, for the model error and for feedback"
-        yield Picture("flights-costs", caption, "flight_costs", (flight,), names)
-
-    @property
     def figures(self) -> dict[str, Any]:
         """The figures in full precision and SI units."""
-        one, verdict, given = self.simulated, self.verdict, self.simulated.arguments
+        one, verdict, given = self.simulated, self.simulated.entered, self.simulated.arguments
         law, sight, tube = given["feedback"], given["navigation"], one.tube
         found = {
             "status": verdict.status,
@@ -433,7 +295,7 @@ class SimulationContent:
             "stages": self.tables[0].records,
             "spent": self.tables[1].records,
             "worst_flights": self.tables[2].records,
-            "worst_flight": conflicts.figures(self.flight),
+            "worst_flight": conflicts.figures(one.worst),
         }
         if tube is not None:
             found["tube"] = {
@@ -443,84 +305,181 @@ class SimulationContent:
             }
         return found
 
-    @property
-    def stored(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """The tables of the result folder, each with its name."""
-        flight, names = self.simulated.flight, np.array(self.simulated.names)
-        columns = flight.columns()
-        yield "flights", {**columns, "craft": names[columns["craft"]]}
-        if flight.ratios.size:
-            seeds, pairs = flight.ratios.shape
-            yield (
-                "ratios",
-                {
-                    "seed": np.repeat(np.arange(seeds), pairs),
-                    "first": np.tile(names[flight.pairs[:, 0]], seeds),
-                    "second": np.tile(names[flight.pairs[:, 1]], seeds),
-                    "ratio": flight.ratios.ravel(),
-                },
-            )
-        stages = self.simulated.stages
+
+def described_lines(simulated: SimulatedRun) -> Iterator[str]:
+    """Yield the number of simulations, the force model, the control law, the errors and lost craft."""
+    one, given = simulated, simulated.arguments
+    law, sight = given["feedback"], given["navigation"]
+    count = f"{counted(len(one.flight.states), 'simulation')} of {len(one.names)} craft"
+    alike = "" if one.uncertain else "; without uncertainty, all others are the same"
+    lines = [f"{count}, {counted(len(one.stages), 'stage')}{alike}"]
+    unknown = "" if one.field is one.known else " except for drawn values"
+    where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust compensates for it"
+    if one.control == "open":
+        lines.append(f"{where}; open loop, no navigation updates")
+    else:
+        replan = "; the remainder is replanned, around the zones, at each measurement"
+        how = f"measured every {law.every:g} s, corrected within {law.horizon:g} s"
+        if law.impulses:
+            how += f" by {law.impulses} {'burns' if one.thrusters else 'impulses'}"
+        if law.delay:
+            how += f", delayed by {law.delay:g} s"
+        seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
+        if sight.correlation:
+            seen += f", correlation time {sight.correlation:g} s"
+        if sight.position_bias or sight.velocity_bias:
+            biases = f"{1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
+            seen += f", bias {biases}"
+        lines += [where + replan * (one.control == "replan"), f"Feedback: {how}", seen]
+    yield from lines
+    for more in (thrust_errors, drawn, without_control):
+        yield from more(simulated)
+
+
+def without_control(simulated: SimulatedRun) -> Iterator[str]:
+    """Yield the spacecraft without an engine, and those that lose their thrust."""
+    if names := ", ".join(np.array(simulated.names)[~simulated.arguments["engine"]]):
+        yield f"No engine: {names}; they drift in the high-fidelity model without feedback"
+    if losses := ", ".join(f"{one.craft} at {one.time:.1f} s" for one in simulated.run.lost):
+        yield f"Thrust lost: {losses}; from then on they drift"
+
+
+def drawn(simulated: SimulatedRun) -> Iterator[str]:
+    """Yield the sampled values of a case that are unknown to its plans."""
+    scenario = simulated.run.scenario
+    if scenario.study is None or scenario.drawn_flight is None:
+        return
+    found = []
+    for key in scenario.study.vary:
+        if key.startswith(UNPLANNED) and (reader := readers()[key]) is not None:
+            values = ", ".join(f"{value:.4g}" for value in scenario.truth.given(key))
+            found.append(f"{key} {values} {reader.kind.units[0]}")
+    yield f"Drawn and unknown to plans: {'; '.join(found)}"
+
+
+def thrust_errors(simulated: SimulatedRun) -> Iterator[str]:
+    """Yield the spacecraft that fire pulses, the execution errors of thrust, and those of each craft."""
+    if shot := simulated.thrusters:
+        names = "all" if len(shot) == len(simulated.names) else ", ".join(shot)
+        back = "" if simulated.control == "open" else ", and feedback corrections of at least one bit"
+        yield f"Thrusters: {names} fire the compensated plan as pulses{back}"
+    size, angle = np.atleast_2d(simulated.arguments["thrust_error"]).max(axis=0)
+    found = list(error_lines(simulated.arguments["errors"] or ()))
+    if size or angle:
+        largest = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
+        yield f"Thrust: error up to {largest}, constant in a simulation"
+    elif not found:
+        yield "Thrust: as commanded; set thrust_error, or execution of [craft], to give it errors"
+    yield from found
+
+
+def found_lines(simulated: SimulatedRun) -> Iterator[str]:
+    """Yield the worst simulation, the tracking-error tube, and shortfalls of thrust."""
+    flight, tube, near = simulated.flight, simulated.tube, simulated.worst.closest
+    if near is not None:
+        lead = f"Worst simulation, {flight.worst}" if len(flight.states) > 1 else "Closest approach"
         yield (
-            "ends",
+            f"{lead}: {near.first} - {near.second}, {near.ratio:.4f} x zone "
+            f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
+        )
+    if tube is not None:
+        radius = f"{np.max(tube.radius):.3g} m per craft, {tube.of_a_pair:.3g} m per pair"
+        yield (
+            f"Tracking-error tube of any plan with this feedback: {radius}, "
+            f"{tube.sigmas:g} sigmas per direction"
+        )
+        bound = contained(simulated)
+        within = f"{100.0 * tube.probability:.3f} % of simulations stay within {bound:.3g} m"
+        yield f"Largest deviation from the plan: {flight.greatest_deviation:.3g} m; {within}"
+    short = dict(zip(simulated.names, flight.limited.max(axis=0).tolist(), strict=True))
+    for name in simulated.thrusters:
+        if short[name] > 0.0:
+            share = f"{100.0 * short[name]:.3g} % of a simulation"
+            remedy = "use stronger thrusters, or add one along each axis"
+            yield f"{name}: feedback exceeds its thrusters in up to {share}; {remedy}"
+    for name, aside in simulated.unled.items():
+        yield f"{name}: an axis without a thruster is not controlled; deviation up to {aside:.3g} m"
+
+
+def pictures(simulated: SimulatedRun) -> Iterator[Picture]:
+    """Yield pictures of clearance ratios, deviations, paths and delta-v."""
+    flight, names = simulated.flight, {"names": simulated.names}
+    if flight.ratios.size:
+        caption = "Clearance ratios in every simulation, and those of the closest pair"
+        yield Picture("flights-ratios", caption, "flight_ratios", (flight, simulated.zones), names)
+    caption = "Deviation from the plan in every simulation, and the predicted tracking-error tube"
+    yield Picture("flights-deviations", caption, "flight_deviations", (flight, simulated.tube), names)
+    caption = "The paths as planned and as simulated, with deviations enlarged"
+    yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
+    caption = "Delta-v of each craft for the plan, for the model error and for feedback"
+    yield Picture("flights-costs", caption, "flight_costs", (flight,), names)
+
+
+def stored(simulated: SimulatedRun) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the tables of the result folder, each with its name."""
+    flight, names = simulated.flight, np.array(simulated.names)
+    columns = flight.columns()
+    yield "flights", {**columns, "craft": names[columns["craft"]]}
+    if flight.ratios.size:
+        seeds, pairs = flight.ratios.shape
+        yield (
+            "ratios",
             {
-                "stage": np.concatenate([np.full(one.ends.size, one.number) for one in stages]),
-                "seed": np.concatenate([np.repeat(np.arange(len(one.ends)), len(names)) for one in stages]),
-                "craft": np.concatenate([np.tile(names, len(one.ends)) for one in stages]),
-                "end_m": np.concatenate([one.ends.ravel() for one in stages]),
+                "seed": np.repeat(np.arange(seeds), pairs),
+                "first": np.tile(names[flight.pairs[:, 0]], seeds),
+                "second": np.tile(names[flight.pairs[:, 1]], seeds),
+                "ratio": flight.ratios.ravel(),
             },
         )
-        yield (
-            "paths",
-            state_columns(self.simulated.names, flight.times, flight.states[flight.worst], self.epoch),
+    stages = simulated.stages
+    yield (
+        "ends",
+        {
+            "stage": np.concatenate([np.full(one.ends.size, one.number) for one in stages]),
+            "seed": np.concatenate([np.repeat(np.arange(len(one.ends)), len(names)) for one in stages]),
+            "craft": np.concatenate([np.tile(names, len(one.ends)) for one in stages]),
+            "end_m": np.concatenate([one.ends.ravel() for one in stages]),
+        },
+    )
+    yield (
+        "paths",
+        state_columns(
+            simulated.names, flight.times, flight.states[flight.worst], simulated.run.scenario.epoch
+        ),
+    )
+    if simulated.thrusters:
+        orders = flight.orders[flight.worst]
+        firing, when = orders.any(axis=2).nonzero()
+        given = dict(
+            zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[firing, when].T, strict=True)
         )
-        if self.simulated.thrusters:
-            orders = flight.orders[flight.worst]
-            firing, when = orders.any(axis=2).nonzero()
-            given = dict(
-                zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[firing, when].T, strict=True)
-            )
-            yield "pulses", self.simulated.pulses
-            yield (
-                "corrections",
-                {"craft": names[firing], "time_s": flight.ordered[when], **given},
-            )
-        parts = [one.columns() for one in self.simulated.commanded]
-        numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
-        whole = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-        yield "commanded", {"stage": np.concatenate(numbers), **whole, "craft": names[whole["craft"]]}
+        yield "pulses", simulated.pulses
+        yield (
+            "corrections",
+            {"craft": names[firing], "time_s": flight.ordered[when], **given},
+        )
+    parts = [one.columns() for one in simulated.commanded]
+    numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
+    whole = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    yield "commanded", {"stage": np.concatenate(numbers), **whole, "craft": names[whole["craft"]]}
 
 
-@dataclass(frozen=True, eq=False)
-class SimulationReport(SimulationContent):
-    """Report on simulations, with the `command` that requested them."""
-
-    command: Command
-
-    @cached_property
-    def chapters(self) -> tuple[Section, ...]:
-        """The sections of the page except the one on reproduction."""
-        asked = Section("Request", (), (self.command.table,))
-        return asked, self.section("Results"), self.sure
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """The printed figures in full precision and SI units, for `summary.json`."""
-        return {"kind": "flight", "title": self.title, **self.command.figures, **super().figures}
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The lines of the simulations, followed by warnings about exceeded limits."""
-        exceeded = self.verdict.exceeded or ()
-        return (*super().lines, *(use.warning(self.simulated.grams) for use in exceeded))
-
-    def write(
-        self, folder: Folder, progress: Progress = lambda text: None, viewer: page.Viewer | None = None
-    ) -> None:
-        """Fill a result folder with the files of the simulations; `viewer` writes the animated page."""
-        progress("writing tables")
-        folder.scenario(self.simulated.run.scenario)
-        for name, columns in self.stored:
-            folder.table(name, columns)
-        head = Head(self.title, self.opening[1:], str(self.verdict), self.verdict.ok)
-        page.write(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)
+def simulation_report(simulated: SimulatedRun, command: Command) -> CommandReport:
+    """Return the report on simulations, with the `command` that requested them."""
+    content, verdict = SimulationContent.of(simulated), simulated.entered
+    warned = (*content.lines, *(use.warning(simulated.grams) for use in verdict.exceeded or ()))
+    content = replace(content, lines=warned)
+    return CommandReport(
+        command,
+        simulated,
+        content.title,
+        (content.title, *content.opening),
+        content.opening,
+        content.lines,
+        content.tables,
+        verdict,
+        (Section("Request", (), (command.table,)), content.section("Results"), content.sure),
+        {"kind": "flight", **content.figures},
+        dict(stored(simulated)),
+        beside=lambda folder: folder.scenario(simulated.run.scenario),
+    )

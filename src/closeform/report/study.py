@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import degrees
 from pathlib import Path
 from typing import Any
 
-from closeform.campaign import Campaign, GatherCampaign, LockCampaign, Share
+from closeform.campaign import Campaign, GatherCampaign, LockCampaign
 from closeform.campaign.cases import Statistics
 from closeform.campaign.search_cases import LATER
 from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
 from closeform.mission.verdict import MET, NOT_MET
-from closeform.report import model, page, run, searches
+from closeform.report import page, run
+from closeform.report.description import Column, Section, Table
 from closeform.report.page import Head, Repeat, quoted
 from closeform.report.picture import Picture, Progress
-from closeform.report.section import Column, Section, Table
+from closeform.report.sections import model, searches
 from closeform.search.gathering.result import listed
 from closeform.search.lock_statistics import TimeHistogram, phase_labels
 from closeform.search.schedule import Search
@@ -45,77 +44,47 @@ GREATEST = (
 )
 
 
-class CasesReport(ABC):
-    """Report on the cases of a `campaign` of any kind."""
+@dataclass(frozen=True, eq=False)
+class StudyReport:
+    """Report on the cases of a `campaign`: what the terminal, the page and `summary.json` show of it.
+
+    - `opening`: the title, and lines on the cases.
+    - `verdict`: the last line: all requirements are met, or the reason why not.
+    - `hint`: the command that shows a case; empty if the file gives other cases.
+    - `tables`, `pictures`: the results; `figures`: the same in full precision, for `summary.json`.
+    - `requested`: further tables of the request; `sure`: further rows on certified and estimated figures.
+    - `notable`: the tables of notable cases, with links to their pages.
+    """
 
     campaign: Statistics
+    opening: tuple[str, ...]
+    verdict: str
+    hint: tuple[str, ...]
+    tables: tuple[Table, ...]
+    figures: dict[str, Any]
+    pictures: tuple[Picture, ...] = ()
+    requested: tuple[Table, ...] = ()
+    sure: Sequence[tuple[str, str]] = ()
+    notable: Callable[[Replays], tuple[Table, ...]] = lambda replays: ()
+    printed_warnings = ()
+    wraps = False  # whether a long verdict is broken into lines
 
     @property
-    @abstractmethod
-    def opening(self) -> tuple[str, ...]:
-        """The title, and a description of the cases."""
-
-    @property
-    @abstractmethod
-    def hint(self) -> tuple[str, ...]:
-        """The command that shows a case."""
-
-    @property
-    @abstractmethod
-    def tables(self) -> tuple[Table, ...]:
-        """The results."""
-
-    @property
-    @abstractmethod
-    def verdict(self) -> str:
-        """The last line: all requirements are met, or the reason why not."""
-
-    @property
-    @abstractmethod
-    def figures(self) -> dict[str, Any]:
-        """The printed figures in full precision, for `summary.json`."""
-
-    @property
-    def pictures(self) -> tuple[Picture, ...]:
-        """The pictures of the results."""
-        return ()
-
-    @property
-    def sure(self) -> Sequence[tuple[str, str]]:
-        """Further rows on certified and estimated figures."""
-        return ()
-
-    @property
-    def requested(self) -> tuple[Table, ...]:
-        """Further tables of the request."""
-        return draw_table(self.campaign)
-
-    def notable(self, replays: Replays) -> tuple[Table, ...]:
-        """Return further tables of notable cases."""
-        return ()
+    def printed(self) -> tuple[Section, ...]:
+        """What the terminal shows, with what was sampled for the cases."""
+        tables = tuple(replace(one, folded=False) for one in self.tables)
+        return (Section("", (*self.opening, *draw_lines(self.campaign)), tables),)
 
     def chapters(self, replays: Replays) -> Iterator[Section]:
         """Yield the sections of the page except the one on reproduction."""
         request = run.request(self.campaign.scenario)
         yield replace(request, tables=(*request.tables, *self.requested))
         yield Section("Results", self.hint, self.tables, pictures=self.pictures)
-        rows = [(page, what, why, self.command(what)) for page, what, why in replays]
+        rows = [(page, what, why, command(self.campaign, what)) for page, what, why in replays]
         found = tuple(one for one in (Table("", PAGES, rows), *self.notable(replays)) if one.rows)
         if found:
             yield Section("Notable cases", tables=found)
         yield Section("Limits of the model", tables=(model.certain([SHARES, *self.sure]),))
-
-    def run_of(self, case: int, which: str) -> tuple[str, ...]:
-        """Return the command that shows a case, described by `which`; empty if the file gives other cases."""
-        line = f"closeform run {quoted(self.campaign.scenario.file)} --case {case} shows {which}"
-        return (line,) if self.campaign.as_in_file else ()
-
-    def command(self, what: str) -> str | None:
-        """Return the command that runs a case; None if the file has other cases, or `what` is not one."""
-        kind, _, number = what.partition(" ")
-        if kind != "case" or not self.campaign.as_in_file:
-            return None
-        return f"closeform run {quoted(Path(self.campaign.scenario.file).name)} --case {number}"
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -163,6 +132,20 @@ class CasesReport(ABC):
         page.write(folder, head, chapters, repeat, self.summary, progress, pages=pages)
 
 
+def shows(campaign: Statistics, case: int, which: str) -> tuple[str, ...]:
+    """Return the command that shows a case, described by `which`; empty if the file gives other cases."""
+    line = f"closeform run {quoted(campaign.scenario.file)} --case {case} shows {which}"
+    return (line,) if campaign.as_in_file else ()
+
+
+def command(campaign: Statistics, what: str) -> str | None:
+    """Return the command that runs a case; None if the file has other cases, or `what` is not one."""
+    kind, _, number = what.partition(" ")
+    if kind != "case" or not campaign.as_in_file:
+        return None
+    return f"closeform run {quoted(Path(campaign.scenario.file).name)} --case {number}"
+
+
 def percent(heading: str) -> tuple[Column, Column]:
     """Return two columns for estimates: the share and its confidence interval."""
 
@@ -188,9 +171,7 @@ def quantiles(found: Spread) -> dict[str, Any]:
     return {"mean": found.mean, **middle, **ends}
 
 
-def spread_table(
-    title: str, heading: str, spreads: Mapping[str, Spread], digits: int = 4
-) -> tuple[Table, ...]:
+def spread_table(title: str, heading: str, spreads: Mapping[str, Spread]) -> tuple[Table, ...]:
     """Return the table of mean, quantiles and maximum of each spread; times have two decimals."""
     rows = [spread_row(name, one, 2 if name.startswith("time") else 4) for name, one in spreads.items()]
     fewest = min((one.count for one in spreads.values()), default=0)
@@ -255,192 +236,138 @@ def sized(draw: dict[str, Any]) -> tuple[str, str]:
     return name, (" to " if name == "shell" else ", ").join(map(str, size))
 
 
-@dataclass(frozen=True, eq=False)
-class StudyReport(CasesReport):
-    """Report of a campaign of searches."""
+def searches_report(campaign: Campaign) -> StudyReport:
+    """Return the report of a campaign of searches."""
+    scenario, search, tally = campaign.scenario, search_of(campaign), campaign.tally
+    study, never = scenario.study, campaign.never
+    published = study.published if study is not None else {}
+    tip, sun, limit = map(degrees, (search.tip_angle, search.sun_angle, search.sun_limit))
+    lines = [
+        scenario.title,
+        f"{len(campaign)} cases of {len(scenario.craft)} craft in deep space, seed {campaign.seed}",
+        f"Search: {len(search.phases)} phases, {search.duration:.1f} s, tips {tip:.3f} deg; "
+        f"body x at most {sun:.3f} deg off the sun, limit {limit:g} deg",
+    ]
+    if source := published.get("source"):
+        lines.append(f"Published: {source}")
+    labels = {what: campaign.requirement_label(what) for what in tally.met}
+    every = {**{labels[what]: met for what, met in tally.met.items()}, "all requirements": tally.good}
+    met = [(what, one.count, estimate(one.count, len(campaign))) for what, one in every.items()]
+    detection, violations = by_detection(campaign), violated(campaign)
+    violation_figures = {name: vars(share) | {"pairs": pairs} for name, (share, pairs) in violations.items()}
+    times = TimeHistogram.of(campaign.times, campaign.search.duration, campaign.search)
+    what = {"what": "pairs lock" if isinstance(campaign, LockCampaign) else "formations gather"}
+    caption = f"Time at which cases were {campaign.done}"
 
-    campaign: Campaign
-
-    @cached_property
-    def search(self) -> Search:
-        """The search of one case, for a gathering that of one round."""
-        if isinstance(self.campaign, LockCampaign):
-            return self.campaign.search
-        stage: Any
-        (stage,) = self.campaign.scenario.stages
-        return searches.one_round(self.campaign.search, stage.rounds)
-
-    @property
-    def opening(self) -> tuple[str, ...]:
-        """The title, the number of cases, and the search."""
-        campaign, one = self.campaign, self.search
-        craft, limit = len(campaign.scenario.craft), degrees(one.sun_limit)
-        lines = [
-            campaign.scenario.title,
-            f"{len(campaign)} cases of {craft} craft in deep space, seed {campaign.seed}",
-            f"Search: {len(one.phases)} phases, {one.duration:.1f} s, tips {degrees(one.tip_angle):.3f} deg; "
-            f"body x at most {degrees(one.sun_angle):.3f} deg off the sun, limit {limit:g} deg",
+    def notable(replays: Replays) -> tuple[Table, ...]:
+        """Return the ten cases with the longest times and highest costs, with links to their pages."""
+        pages = {what: file for file, what, _ in replays}
+        rows = [
+            (name, value, case, pages.get(f"case {case}"), command(campaign, f"case {case}"))
+            for name, found in campaign.spreads.items()
+            if name != LATER  # the same cases
+            for value, case in found.worst
         ]
-        if source := self.published.get("source"):
-            lines.append(f"Published: {source}")
-        return tuple(lines)
+        return (Table("The ten largest", GREATEST, rows),)
 
-    @property
-    def published(self) -> dict[str, str]:
-        """The published values by row of the table of shares."""
-        study = self.campaign.scenario.study
-        return study.published if study is not None else {}
-
-    @property
-    def verdict(self) -> str:
-        """The last line: all requirements are met in every case, or the reason why not."""
-        labels = [self.campaign.requirement_label(what) for what in self.campaign.tally.met]
-        return self.campaign.reason or f"all {len(self.campaign)} cases {listed(labels)}"
-
-    @property
-    def hint(self) -> tuple[str, ...]:
-        """The command that shows the first case in which a requirement is not met; empty if there is none."""
-        campaign = self.campaign
-        return () if campaign.ok else self.run_of(campaign.tally.good.unmet[0], "the first of them")
-
-    @property
-    def shown(self) -> list[Share]:
-        """The shares up to the last phase with cases, and the share at the end."""
-        shares = self.campaign.shares
-        kept = [k for k, share in enumerate(shares[:-1]) if share.cases or share.label in self.published]
-        return [*shares[: max(kept, default=0) + 1], shares[-1]]
-
-    @property
-    def met(self) -> Iterator[tuple[str, int, Estimate]]:
-        """Each requirement with the count and share of cases that meet it; the last row covers all."""
-        tally = self.campaign.tally
-        every = {self.campaign.requirement_label(what): met for what, met in tally.met.items()}
-        for what, met in {**every, "all requirements": tally.good}.items():
-            yield what, met.count, estimate(met.count, len(self.campaign))
-
-    @cached_property
-    def tables(self) -> tuple[Table, ...]:
-        """Shares by phase, requirements met, times, costs, and the tables of the kind of search."""
-        campaign = self.campaign
-        done = Column(campaign.done, words=True)
-        rows: list[tuple[Any, ...]] = [
-            (one.label, one.cases, one.inside, one.inside, one.by_end, one.by_end)
-            + (self.published.get(one.label, ""),)
-            for one in self.shown
-        ]
-        columns: tuple[Column, ...] = (
-            done,
-            Column("cases"),
-            *percent("in phase [%]"),
-            *percent("by end [%]"),
-        )
-        published = Column("published" if self.published else None)
-        tables = [Table("Cases by phase", (*columns, published), rows)]
-        if len(campaign.tally.met) > 1:
-            columns = Column("requirement", words=True), Column("cases"), *percent("met in [%]")
-            tables.append(Table("Requirements", columns, [(*row, row[2]) for row in self.met]))
-        tables += spread_table("Time and delta-v", campaign.done, campaign.spreads)
-        tables += spread_table("By cause and phase", "delta-v of all craft [m/s]", campaign.costs)
-        if ways := self.by_detection:
-            keep = {share.label for share in self.shown}
-            rows = [
-                (name, *(way[name] for way in ways.values()))
-                for name in ways["exact"]
-                if name in keep or any(way[name] for way in ways.values())
-            ]
-            title = "The same cases with detection at samples only"
-            tables.append(Table(title, (done, *map(Column, ways)), rows))
-        if met := self.violations:
-            columns = (
-                Column("two craft in conflict", words=True),
-                *percent("cases [%]"),
-                Column("pairs in all"),
-            )
-            rows = [(name, share, share, pairs) for name, (share, pairs) in met.items()]
-            tables.append(Table("Keep-out zone", columns, rows))
-        return tuple(tables)
-
-    @cached_property
-    def by_detection(self) -> dict[str, dict[str, int]]:
-        """The cases by phase, and the missed first locks, by detection method; empty for a single one."""
-        campaign = self.campaign
-        if not isinstance(campaign, LockCampaign) or not campaign.kind.steps:
-            return {}
-        names, over = phase_labels(campaign.search), "stepped over"
-        found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
-        for step in campaign.kind.steps:
-            phases, skipped = campaign.detected(step)
-            found[f"every {step:g} s"] = dict(zip(names, phases, strict=True)) | {over: skipped}
-        return found
-
-    @cached_property
-    def violations(self) -> dict[str, tuple[Estimate, int]]:
-        """The share of gatherings with conflicts, and the pairs, by whether the two craft shared a set."""
-        campaign = self.campaign
-        if not isinstance(campaign, GatherCampaign) or not campaign.scenario.zones.pairs:
-            return {}
-        words = {"met_unknown": "before they shared a set", "met_known": "only after"}
-        counts = {name: campaign.conflicts(key) for key, name in words.items()}
-        return {name: (estimate(cases, len(campaign)), pairs) for name, (cases, pairs) in counts.items()}
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """The printed figures in full precision, for `summary.json`."""
-        campaign = self.campaign
-        met = {name: vars(share) | {"pairs": pairs} for name, (share, pairs) in self.violations.items()}
-        return {
-            "failed": campaign.never,
-            "asked": {what: {"cases": count, **vars(share)} for what, count, share in self.met},
-            "stage": campaign.scenario.stages[0].verb,
-            "search": searches.search_figures(self.search),
+    return StudyReport(
+        campaign,
+        tuple(lines),
+        campaign.reason or f"all {len(campaign)} cases {listed(list(labels.values()))}",
+        () if campaign.ok else shows(campaign, tally.good.unmet[0], "the first of them"),
+        tuple(search_tables(campaign, published, met, detection, violations)),
+        {
+            "failed": never,
+            "asked": {name: {"cases": count, **vars(share)} for name, count, share in met},
+            "stage": scenario.stages[0].verb,
+            "search": searches.search_figures(search),
             "shares": [
                 {
                     "phase": share.label,
                     "cases": share.cases,
                     "inside": vars(share.inside),
                     "by_end": vars(share.by_end) if share.by_end is not None else None,
-                    "published": self.published.get(share.label),
+                    "published": published.get(share.label),
                 }
                 for share in campaign.shares
             ],
-            "published": self.published.get("source"),
+            "published": published.get("source"),
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             "costs": {name: spread(one) for name, one in campaign.costs.items()},
-            **({"detection": self.by_detection} if self.by_detection else {}),
-            **({"met": met} if met else {}),
-        }
+            **({"detection": detection} if detection else {}),
+            **({"met": violation_figures} if violations else {}),
+        },
+        (Picture("histogram", caption, "studies.binned", (times, campaign.search), what),),
+        (searches.facts(search, campaign.search.duration), *draw_table(campaign)),
+        (model.LOCKS,),
+        notable,
+    )
 
-    @property
-    def sure(self) -> Sequence[tuple[str, str]]:
-        """The certainty of locks."""
-        return (model.LOCKS,)
 
-    @property
-    def times(self) -> TimeHistogram:
-        """The histogram of the times at which cases were done."""
-        campaign = self.campaign
-        return TimeHistogram.of(campaign.times, campaign.search.duration, campaign.search)
+def search_of(campaign: Campaign) -> Search:
+    """Return the search of one case, for a gathering that of one round."""
+    if isinstance(campaign, LockCampaign):
+        return campaign.search
+    stage: Any
+    (stage,) = campaign.scenario.stages
+    return searches.one_round(campaign.search, stage.rounds)
 
-    @property
-    def requested(self) -> tuple[Table, ...]:
-        """The facts of the search, and the distributions of the study."""
-        return searches.facts(self.search, self.campaign.search.duration), *draw_table(self.campaign)
 
-    @property
-    def pictures(self) -> tuple[Picture, ...]:
-        """The histogram of times."""
-        campaign = self.campaign
-        what = {"what": "pairs lock" if isinstance(campaign, LockCampaign) else "formations gather"}
-        caption = f"Time at which cases were {campaign.done}"
-        return (Picture("histogram", caption, "studies.binned", (self.times, campaign.search), what),)
-
-    def notable(self, replays: Replays) -> tuple[Table, ...]:
-        """Return the ten cases with the longest times and highest costs, with links to their pages."""
-        pages = {what: file for file, what, _ in replays}
+def search_tables(
+    campaign: Campaign,
+    published: Mapping[str, str],
+    met: Sequence[tuple[str, int, Estimate]],
+    detection: Mapping[str, Mapping[str, int]],
+    violations: Mapping[str, tuple[Estimate, int]],
+) -> Iterator[Table]:
+    """Yield shares by phase, requirements met, times, costs, and the tables of the kind of search."""
+    shares, done = campaign.shares, Column(campaign.done, words=True)
+    last = max((k for k, one in enumerate(shares[:-1]) if one.cases or one.label in published), default=0)
+    shown = [*shares[: last + 1], shares[-1]]  # up to the last phase with cases, and at the end
+    columns: tuple[Column, ...] = (
+        *(done, Column("cases"), *percent("in phase [%]"), *percent("by end [%]")),
+        Column("published" if published else None),
+    )
+    rows: list[tuple[Any, ...]] = [
+        (one.label, one.cases, one.inside, one.inside, one.by_end, one.by_end, published.get(one.label, ""))
+        for one in shown
+    ]
+    yield Table("Cases by phase", columns, rows)
+    if len(campaign.tally.met) > 1:
+        columns = Column("requirement", words=True), Column("cases"), *percent("met in [%]")
+        yield Table("Requirements", columns, [(*row, row[2]) for row in met])
+    yield from spread_table("Time and delta-v", campaign.done, campaign.spreads)
+    yield from spread_table("By cause and phase", "delta-v of all craft [m/s]", campaign.costs)
+    if detection:
+        keep = {share.label for share in shown}
         rows = [
-            (name, value, case, pages.get(f"case {case}"), self.command(f"case {case}"))
-            for name, found in self.campaign.spreads.items()
-            if name != LATER  # the same cases
-            for value, case in found.worst
+            (name, *(way[name] for way in detection.values()))
+            for name in detection["exact"]
+            if name in keep or any(way[name] for way in detection.values())
         ]
-        return (Table("The ten largest", GREATEST, rows),)
+        yield Table("The same cases with detection at samples only", (done, *map(Column, detection)), rows)
+    if violations:
+        columns = Column("two craft in conflict", words=True), *percent("cases [%]"), Column("pairs in all")
+        rows = [(name, share, share, pairs) for name, (share, pairs) in violations.items()]
+        yield Table("Keep-out zone", columns, rows)
+
+
+def by_detection(campaign: Campaign) -> dict[str, dict[str, int]]:
+    """Return the cases by phase, and the missed first locks, by detection method; empty for a single one."""
+    if not isinstance(campaign, LockCampaign) or not campaign.kind.steps:
+        return {}
+    names, over = phase_labels(campaign.search), "stepped over"
+    found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
+    for step in campaign.kind.steps:
+        phases, skipped = campaign.detected(step)
+        found[f"every {step:g} s"] = dict(zip(names, phases, strict=True)) | {over: skipped}
+    return found
+
+
+def violated(campaign: Campaign) -> dict[str, tuple[Estimate, int]]:
+    """Return the share of gatherings with conflicts, and the pairs, by whether the two shared a set."""
+    if not isinstance(campaign, GatherCampaign) or not campaign.scenario.zones.pairs:
+        return {}
+    words = {"met_unknown": "before they shared a set", "met_known": "only after"}
+    counts = {name: campaign.conflicts(key) for key, name in words.items()}
+    return {name: (estimate(cases, len(campaign)), pairs) for name, (cases, pairs) in counts.items()}

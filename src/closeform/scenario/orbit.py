@@ -172,10 +172,12 @@ class FlightTable(Table):
 
 
 class VerdictTable(Table):
-    """Table [verdict]: result of a run whose model error exceeds the margin."""
+    """Table [verdict]: result of a run whose model error exceeds the distance from a zone."""
 
     model_error: Literal["report", "refuse"] = setting(
-        '"refuse"', "without `field`, report a model error above the margin, or fail with status 1", "report"
+        '"refuse"',
+        "without `field`, report a model error above the distance from a zone, or fail with status 1",
+        "report",
     )
 
 

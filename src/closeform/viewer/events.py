@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.mission.mission_result import FirstLocks, StageResult
-from closeform.report.conflicts import event as failure
-from closeform.report.conflicts import near as clearance
-from closeform.report.searches import BURNS, met, replayed
-from closeform.report.section import fate
+from closeform.report.description import fate
+from closeform.report.sections.passive import event as failure
+from closeform.report.sections.passive import near as clearance
+from closeform.report.sections.searches import BURNS, locks_of, met, replayed
 from closeform.search.gathering.result import EventKind, Gathering
 from closeform.viewer.meetings import closest, flights, places_of
-from closeform.viewer.searches import seen
 from closeform.viewer.shown import Shown
 from closeform.viewer.thrusts import pushes, stretches
 
@@ -98,7 +97,7 @@ def locked(result: StageResult[Any, Any]) -> Iterator[Record]:
     if not isinstance(result.result, FirstLocks):
         return
     names = result.after.names
-    for time, one, other in sorted(seen(result.result)):
+    for time, one, other in sorted(locks_of(result.result)):
         text = f"{names[one]} - {names[other]}: lock"
         yield event("lock", result, result.start + time, text, (one, other), level="good")
 

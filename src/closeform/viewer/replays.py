@@ -84,7 +84,7 @@ def write_mission(mission: Mission, name: str, folder: Folder) -> None:
     from closeform.viewer.shown import Shown
 
     flights = RunReport(mission).flights
-    shown = Shown.of_mission(mission) if flights is None else Shown.of_flight(flights)
+    shown = Shown.of_mission(mission) if flights is None else Shown.of_simulations(flights)
     folder.text(name, document(scene_of(shown, report=REPORT)))
 
 

@@ -8,20 +8,18 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.report.section import fate
+from closeform.report.description import fate
 from closeform.search.leg import SUN
 from closeform.viewer.events import events
 from closeform.viewer.failures import failures
-from closeform.viewer.fleet import fleet, pairs
+from closeform.viewer.fleet import Solids, fleet, pairs
 from closeform.viewer.meetings import approaches, conflicts
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.searches import locks, searches
 from closeform.viewer.series import series
 from closeform.viewer.shown import Shown
-from closeform.viewer.solids import Solids
 from closeform.viewer.thrusts import burns, thrusts
-from closeform.viewer.tracks import error_for, tracks
-from closeform.viewer.tubes import tubes
+from closeform.viewer.tracks import error_for, tracks, tubes
 from closeform.zones.outlines import drawn
 from closeform.zones.zone import Zone
 

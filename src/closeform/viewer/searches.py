@@ -7,6 +7,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission.mission_result import FirstLocks, StageResult
+from closeform.report.sections.searches import locks_of
 from closeform.search.gathering.result import EventKind, Gathering
 from closeform.search.leg import Leg
 from closeform.search.schedule import Search
@@ -76,25 +77,11 @@ def locks(shown: Shown) -> list[dict[str, Any]]:
     """Return every `Lock` of web/scene.d.ts in order of time."""
     found = []
     for result in shown.results:
-        for time, first, second in seen(result.result):
+        for time, first, second in locks_of(result.result):
             found.append(
                 {"first": first, "second": second, "time": result.start + time, "stage": result.number}
             )
     return sorted(found, key=lambda lock: (lock["time"], lock["first"], lock["second"]))
-
-
-def seen(found: Any) -> list[tuple[float, int, int]]:
-    """Return the locks of a stage: time from its start [s] and the two craft."""
-    if isinstance(found, Gathering):
-        return [
-            (event.time, event.first, event.second) for event in found.events if event.kind is EventKind.LOCK
-        ]
-    if isinstance(found, FirstLocks):
-        met = np.flatnonzero(found.locks.leg >= 0)
-        pairs = found.pairs[met].tolist()
-        times = found.locks.time[met].tolist()
-        return [(time, first, second) for time, (first, second) in zip(times, pairs, strict=True)]
-    return []
 
 
 def turns(search: Search, length: float) -> tuple[Floats, Floats]:

@@ -21,8 +21,10 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:  # runs do not need these file readers and probability kernels
-    from closeform.report.screening import EncounterReport, ScreenReport
-    from closeform.report.simulation import SimulationContent, SimulationReport
+    from closeform.mission.simulation import SimulatedRun
+    from closeform.report.page import CommandReport
+    from closeform.report.screening import Met, Screened
+    from closeform.report.simulation import SimulationContent
     from closeform.uncertainty.errors import Uncertainty
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
@@ -88,7 +90,7 @@ class Shown:
         )
 
     @classmethod
-    def of_report(cls, report: "ScreenReport | EncounterReport | SimulationReport") -> Self:
+    def of_report(cls, report: "CommandReport") -> Self:
         """Return the scene input of a report on a screening, an encounter or a simulation."""
         # by command name: a test of the class would import the modules of the other two reports
         makers: dict[str, Callable[[Any], Self]] = {
@@ -96,41 +98,50 @@ class Shown:
             "encounter": cls._of_encounter,
             "simulate": cls.of_flight,
         }
-        return makers[report.command.name](report)
+        shown = makers[report.command.name](report.subject)
+        return shown._worded(report.title, report.opening[0], report.verdict)
 
     @classmethod
-    def _of_screening(cls, report: "ScreenReport") -> Self:
-        frame, found = report.frame, report.uncertain
+    def _of_screening(cls, screened: "Screened") -> Self:
+        frame, found = screened.frame, screened.uncertain
         epoch = Epoch(frame.epoch, frame.time_system)
         if found is None:
-            return cls._of_one(report, epoch, report.flight, report.zones, staged(Screening))
+            return cls._of_one(epoch, screened.flight, screened.zones, staged(Screening))
         stage = staged(Screening, found.sigmas)
-        return cls._of_one(report, epoch, report.flight, report.zones, stage, frame.errors, found)
+        return cls._of_one(epoch, screened.flight, screened.zones, stage, frame.errors, found)
 
     @classmethod
-    def _of_encounter(cls, report: "EncounterReport") -> Self:
-        met, zones = report.encounter, PairZones.of([Sphere(report.radius), None])
-        flight = watch(stack([met.other, met.path]), report.names, zones)
-        epoch, errors = Epoch(report.message.tca, "UTC"), (met.other_errors, met.errors)
-        shown = cls._of_one(report, epoch, flight, zones, staged(Encounter), errors)
-        return replace(shown, warnings=met.warnings)
+    def _of_encounter(cls, found: "Met") -> Self:
+        met, zones = found.encounter, PairZones.of([Sphere(found.radius), None])
+        flight = watch(stack([met.other, met.path]), found.names, zones)
+        epoch, errors = Epoch(found.message.tca, "UTC"), (met.other_errors, met.errors)
+        return replace(cls._of_one(epoch, flight, zones, staged(Encounter), errors), warnings=met.warnings)
 
     @classmethod
-    def of_flight(cls, report: "SimulationContent") -> Self:
+    def of_flight(cls, simulated: "SimulatedRun") -> Self:
         """Return the worst simulation of a run stage by stage; the title identifies it."""
-        simulated = report.simulated
-        shown = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
+        shown = cls._of_one(simulated.run.scenario.epoch, simulated.worst, simulated.zones, staged(Flight))
         stages = tuple(
             StageResult(one.number, one.stage, float(np.min(flight.paths.start)), flight, flight, None)
             for one, flight in zip(simulated.run.flown, simulated.worst_by_stage, strict=True)
         )
         which = f"{simulated.which[0].upper()}{simulated.which[1:]}: " if simulated.which else ""
-        return replace(shown, title=which + shown.title, results=stages)
+        return replace(shown, title=which, results=stages)
+
+    @classmethod
+    def of_simulations(cls, content: "SimulationContent") -> Self:
+        """Return the worst simulation of a run, with the words of its report."""
+        shown = cls.of_flight(content.simulated)
+        return shown._worded(content.title, content.title, content.simulated.entered)
+
+    def _worded(self, title: str, opening: str, verdict: Any) -> Self:
+        """Return the same with the words of a report; its title follows the own one."""
+        ok = verdict.status == MET
+        return replace(self, title=self.title + title, opening=opening, verdict=str(verdict), ok=ok)
 
     @classmethod
     def _of_one(
         cls,
-        report: "ScreenReport | EncounterReport | SimulationContent",
         epoch: Epoch | None,
         flight: WatchedFlight,
         zones: PairZones,
@@ -146,13 +157,7 @@ class Shown:
             uncertain = UncertainStage(1, stage, errors, found, None)
         count = len(flight.names)
         return cls(
-            report.title,
-            report.opening[0],
-            str(report.verdict),
-            report.verdict.status == MET,
-            (),
-            flight.paths.orbit,
-            epoch,
+            *("", "", "", True, (), flight.paths.orbit, epoch),
             flight.names,
             (None,) * count,
             zones,

@@ -50,21 +50,26 @@ class Loss:
 
 
 def sampled_losses(
-    paths: Path, held: Any, until: float, field: Field | None, also: Sequence[float] = ()
+    paths: Path,
+    held: Any,
+    until: float,
+    field: Field | None,
+    also: Sequence[float] = (),
+    instants: int = INSTANTS,
 ) -> Iterator[Loss]:
     """Yield the motion after losses of thrust at times along paths (N,), for one spacecraft at a time.
 
     Craft that are `held` (N,) follow their paths up to the end and then drift. The others drift from the
-    start. The drift is propagated in the field, or with Hill's equations without one. `also`: further times
-    [s].
+    start. The drift is propagated in the field, or with Hill's equations without one. `instants`: number
+    of times along the paths; `also`: further times [s].
     """
     start, end = float(np.max(paths.start)), float(np.max(paths.end))
     craft, fired, sizes = impulses_of(paths)
     fixed = np.unique([start, end, *fired[(fired >= start) & (fired <= end)]])
-    more = np.array([*np.linspace(start, end, INSTANTS), *also])
+    more = np.array([*np.linspace(start, end, instants), *also])
     apart = np.abs(more[:, None] - fixed).min(axis=1) > SAME
-    instants = np.unique([*fixed, *more[apart & (more > start) & (more < end)]])
-    edges = [*instants, until] if until > end else [*instants]
+    chosen = np.unique([*fixed, *more[apart & (more > start) & (more < end)]])
+    edges = [*chosen, until] if until > end else [*chosen]
     parts = [np.arange(ceil((b - a) / STEP)) * (b - a) / ceil((b - a) / STEP) + a for a, b in pairwise(edges)]
     times = np.array([*np.concatenate(parts), edges[-1]])
     last = int(np.searchsorted(times, end))
@@ -79,7 +84,7 @@ def sampled_losses(
         arrivals[k, node, 3:] -= size * held[k]
     yield Loss(-1, nan, times, states, arrivals)
     for k in np.flatnonzero(held).tolist():
-        for i in np.searchsorted(times, instants).tolist():
+        for i in np.searchsorted(times, chosen).tolist():
             for state in {tuple(one[k, i].tolist()) for one in (states, arrivals)}:
                 lost, before = states[:, i:].copy(), arrivals[:, i:].copy()
                 lost[k] = before[k] = free(k, i, np.array(state))

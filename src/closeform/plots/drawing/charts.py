@@ -59,7 +59,6 @@ class Panel:
     """Curves of one quantity, named `what` with its unit, with the limit that they must stay above.
 
     `scale` is "ratio" for clearance ratios, "log" for values that may span decades, otherwise "linear".
-    `most` is the upper end of the axis.
     """
 
     what: str
@@ -67,7 +66,6 @@ class Panel:
     limit: float | None = None
     limit_name: str = "keep-out zone"
     scale: str = "linear"
-    most: float | None = None
 
 
 def styled(k: int, **more: Any) -> dict[str, Any]:
@@ -134,9 +132,7 @@ def scaled(axes: Axes, panel: Panel) -> None:
     every = every[np.isfinite(every)]
     least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
     least, most = min(least, panel.limit or least), max(most, panel.limit or most)
-    if panel.most is not None:
-        axes.set_ylim(min(0.0, least), panel.most)
-    elif panel.scale == "ratio":
+    if panel.scale == "ratio":
         ratio_axis(axes, least, most)
     elif panel.scale == "log" and 0.0 < WIDE * least < most:
         log_axis(axes)

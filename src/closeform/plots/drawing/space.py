@@ -303,10 +303,17 @@ def finished(figure: Figure, views: Sequence[tuple[Axes, Scene, Camera, float]],
 
 
 def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str, Floats]) -> None:
-    """Frame axes at equal scales that hold points (M, 2), with a scale bar and the directions."""
+    """Frame axes at equal scales that hold points (M, 2), with a scale bar and the directions below them."""
     low, top = points.min(axis=0), points.max(axis=0)
     room = 0.06 * float((top - low).max() or 1.0)
-    fitted(axes, (low[0] - room, low[1] - 4.0 * room), top + room)
+    low, top = low - room, top + room
+    inches = min(axes.bbox.width, axes.bbox.height) / float(axes.figure.dpi)
+    size = float(np.clip(9.0 * inches, 17.0, 32.0))  # points
+    share = min(0.4, (1.5 * size + 17.0) / (72.0 * inches))  # of the height: the directions
+    wide, high = top - low
+    below = max(0.0, 2.0 * share * wide - wide + high)
+    below = below if high + below <= wide else share * high / (1.0 - share)
+    fitted(axes, (low[0], low[1] - below), top)
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set_color(OTHER)
     long = rounded_down(0.25 * max(float((top - low).max()), 1e-9))
@@ -315,14 +322,14 @@ def space_axes(axes: Axes, points: Floats, camera: Camera, directions: dict[str,
     bar = AnchoredSizeBar(axes.transData, long, f"{long / unit.size:g} {unit.name}", "lower right", **look)
     bar.txt_label.get_children()[0].set_fontsize(SMALL)
     axes.add_artist(bar)
-    triad(axes, camera, directions)
+    triad(axes, camera, directions, size)
 
 
 def triad(axes: Axes, camera: Camera, directions: dict[str, Floats], size: float = 32.0) -> None:
     """Draw named directions in the lower left corner; one along the line of sight is a dot in a ring."""
     corner: Any = OffsetFrom(axes.bbox, (0.0, 0.0), "points")
     tips = {name: size * camera(axis) for name, axis in directions.items()}
-    start = np.array([18.0, 18.0]) - np.minimum(0.0, np.min([*tips.values()], axis=0))
+    start = np.array([18.0, 23.0]) - np.minimum(0.0, np.min([*tips.values()], axis=0))
     start[0] += 6.0 * max(map(len, tips))
     look: dict[str, Any] = {"xycoords": corner, "textcoords": corner}
     for name, tip in tips.items():
@@ -335,7 +342,7 @@ def triad(axes: Axes, camera: Camera, directions: dict[str, Floats], size: float
         arrows = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", start + tip, start, arrowprops=arrows, **look)
         aside = 0 if abs(tip[0]) < 0.3 * np.hypot(*tip) else int(np.sign(tip[0]))
-        place = start + tip + [4.0 * aside, 8.0 * np.sign(tip[1])]
+        place = start + tip + [4.0 * aside, (8.0 if aside else 12.0) * np.sign(tip[1])]
         ends: dict[str, Any] = {
             "ha": ("center", "left", "right")[aside],
             "va": "center",

@@ -23,7 +23,7 @@ WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 LETTERS = 8.6  # characters of a headline per inch
 BANNER = 0.3  # inches: height of a line of the headline
 DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
-FAR = 12.0  # maximum clearance ratio of a linear axis
+FAR = 8.0  # maximum clearance ratio of a linear axis
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,12 @@ def banner(figure: Figure, text: str, bad: bool = False) -> None:
 
 def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:
     """Add a legend below the axes of a figure; labels that begin with `_` are kept."""
-    style: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": SMALL}
+    style: dict[str, Any] = {
+        "loc": "outside lower center",
+        "frameon": False,
+        "fontsize": SMALL,
+        "borderaxespad": 0.9,
+    }
     wide = [1.0 + 0.085 * len(said) for said in words]  # inches
     room = float(figure.get_figwidth()) - 0.4
     columns = len(words) if sum(wide) <= room else max(1, int(room / max(wide)))

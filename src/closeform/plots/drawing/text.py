@@ -153,7 +153,7 @@ def follow(axes: Axes, words: Sequence[Any], points: Floats) -> None:
     places = axes.transData.transform(points) * 72.0 / axes.figure.dpi  # typographic points
     for text, point, place in zip(words, points, places, strict=False):
         right, up = (places - place).T
-        near, room = np.abs(up) < SMALL, 0.6 * SMALL * len(text.get_text())
+        near, room = np.abs(up) < 1.4 * SMALL, 0.6 * SMALL * len(text.get_text())
         taken, blocked = (bool((near & (side > 0.0) & (side < room)).any()) for side in (right, -right))
         text.xy, text.xyann = point, (-5 if taken else 5, 9)
         text.set(ha="right" if taken else "left", visible=not (taken and blocked))

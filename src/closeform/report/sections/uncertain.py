@@ -5,8 +5,8 @@ from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from closeform.report.description import MOST_ROWS, PAIR, Column, Section, Table, record
 from closeform.report.picture import Picture
-from closeform.report.section import MOST_ROWS, PAIR, Column, Section, Table, record
 
 if TYPE_CHECKING:  # a stage without uncertainty does not need these kernels
     from closeform.conflicts.flight import WatchedFlight

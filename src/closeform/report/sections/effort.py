@@ -13,8 +13,8 @@ from closeform.mission.mission_result import Mission, StageResult
 from closeform.mission.stage_burns import burns_in
 from closeform.mission.verdict import Use
 from closeform.motion.path import Path
+from closeform.report.description import MOST_ROWS, TOTAL, Column, Section, Table, counted, record
 from closeform.report.picture import Picture
-from closeform.report.section import MOST_ROWS, TOTAL, Column, Section, Table, counted, record
 
 ENERGY = Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format)
 SPEED = Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format)

@@ -13,9 +13,9 @@ from closeform.arrays import Floats
 from closeform.mission.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
 from closeform.motion.duration import MOST_TURNS
 from closeform.motion.path import Path, ends_of
-from closeform.report import effort
+from closeform.report.description import Column, Table
 from closeform.report.picture import Picture
-from closeform.report.section import Column, Table
+from closeform.report.sections import effort
 from closeform.scenario import Craft
 
 MOST = 24  # maximum number of spacecraft for which options are evaluated

@@ -15,7 +15,7 @@ from closeform.mission.verdict import metres
 from closeform.motion.chief.oblate_or_supplied import OblateChief
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
-from closeform.report.section import Column, Section, Table, plan_of
+from closeform.report.description import Column, Section, Table, plan_of
 
 # Upper bounds; the median and 95 % errors at the end of a plan follow another rule: theory (84).
 # For a craft ahead on the same circle, along a straight axis, the model error in one orbit is 6 pi d^2 / a.

@@ -19,10 +19,20 @@ from closeform.mission.mission_result import (
 from closeform.mission.stage_start import Arrival
 from closeform.motion.path import Path
 from closeform.planning.plan import UNITS, Plan, Status
-from closeform.report import conflicts, effort
-from closeform.report.actuator_options import Choices
+from closeform.report.description import (
+    AT,
+    MOST_ROWS,
+    PAIR,
+    Column,
+    Section,
+    Table,
+    counted,
+    heading,
+    some_of,
+)
 from closeform.report.picture import Picture
-from closeform.report.section import AT, MOST_ROWS, PAIR, Column, Section, Table, counted, heading, some_of
+from closeform.report.sections import conflicts, effort
+from closeform.report.sections.actuator_options import Choices
 from closeform.scenario import Avoid, Coast, Regather, Scatter, Transfer
 
 Coasting = StageResult[Coast, None]
@@ -71,6 +81,25 @@ def coast(mission: Mission, result: Coasting) -> Section:
     )
 
 
+def completed(
+    own: Section, choices: Choices, tables: Iterable[Table] = (), closing: Iterable[str] = ()
+) -> Section:
+    """Return the section of a move with its actuator options, pulses and animation.
+
+    `own` has the moving spacecraft as its title, and one entry of figures; `tables` and `closing` come last.
+    """
+    mission, result, ((key, figures),) = choices.mission, choices.result, own.figures.items()
+    return Section(
+        heading(result, own.title),
+        own.lines,
+        (*own.tables, *choices.tables, *tables),
+        (*choices.lines, *own.closing, *effort.pulse_lines(mission, result), *closing),
+        conflicts.film(result, mission.scenario.zones) + (*own.pictures, *choices.pictures),
+        {key: figures | choices.figures},
+        {**own.files, **choices.fired.files},
+    )
+
+
 def transfer(mission: Mission, result: Moved) -> Section:
     """Return the section of the transfer of a single spacecraft, with the cost of each actuator option."""
     name, goal, flown = result.result.craft, result.result.goal, result.flown
@@ -100,24 +129,10 @@ def transfer(mission: Mission, result: Moved) -> Section:
         "arrival": arrival_figures(goal),
         "planned": effort.figures(mission, result, name, path if flown else None),
     }
-    return Section(
-        heading(result, f"{name} moves"),
-        lines,
-        (
-            *met,
-            cost_table(mission, result, title, {"plan" if flown else "free": (name, path)}),
-            *choices.tables,
-        ),
-        (
-            *choices.lines,
-            *arrival_lines(name, goal, result.stage.drift is not None),
-            *optimality,
-            *effort.pulse_lines(mission, result),
-        ),
-        conflicts.film(result, mission.scenario.zones) + (*pictures, *choices.pictures),
-        {"transfer": figures | choices.figures},
-        choices.fired.files,
-    )
+    costs = cost_table(mission, result, title, {"plan" if flown else "free": (name, path)})
+    closing = (*arrival_lines(name, goal, result.stage.drift is not None), *optimality)
+    own = Section(f"{name} moves", lines, (*met, costs), closing, tuple(pictures), {"transfer": figures})
+    return completed(own, choices)
 
 
 def avoid(mission: Mission, result: Avoiding) -> Section:
@@ -176,32 +191,21 @@ def avoid(mission: Mission, result: Avoiding) -> Section:
         "direct": cost(craft, moved.direct),
         "direct_longer": cost(craft, moved.plain if moved.plain is not moved.direct else None),
         "around": cost(craft, plan.path),
-        **choices.figures,
         "meanwhile": {one.craft: cost(one.craft, result.after.path(one.craft)) for one in stage.meanwhile},
     }
-    return Section(
-        heading(result, f"{craft} moves"),
+    own = Section(
+        f"{craft} moves",
         (*(f"Tried: {measure}" for measure in plan.measures), *lines),
-        (
-            *before,
-            *tables,
-            *choices.tables,
-            *after,
-            *conflicts.approaches("Closest approaches before", result.before),
-            *conflicts.approaches("Closest approaches after", result.after),
-        ),
-        (
-            *choices.lines,
-            *arrivals,
-            *avoidance_lines(mission, result),
-            *effort.pulse_lines(mission, result),
-            *closing,
-        ),
-        conflicts.film(result, mission.scenario.zones)
-        + (*avoid_pictures(mission, result), *choices.pictures),
+        (*before, *tables),
+        (*arrivals, *avoidance_lines(mission, result)),
+        tuple(avoid_pictures(mission, result)),
         {"change": figures},
-        choices.fired.files,
     )
+    near = (
+        *conflicts.approaches("Closest approaches before", result.before),
+        *conflicts.approaches("Closest approaches after", result.after),
+    )
+    return completed(own, choices, (*after, *near), closing)
 
 
 def avoidance_lines(mission: Mission, result: Avoiding) -> Iterator[str]:
@@ -276,7 +280,6 @@ def reconfigure(mission: Mission, result: Joint, reached: str | None = None) -> 
         "measures": list(moved.measures),
         "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
         "asked_s": moved.asked,
-        **choices.figures,
         "energy_m2_s3": plan.energy,
         "delta_v_m_s": plan.delta_v,
         "craft": {
@@ -300,22 +303,17 @@ def reconfigure(mission: Mission, result: Joint, reached: str | None = None) -> 
             for pair, at in active
         ],
     }
-    return Section(
-        heading(result, moving),
+    own = Section(
+        moving,
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
-        (*tables, *path_tables(mission, result), *choices.tables, *touched, *priced, *near),
-        (
-            *choices.lines,
-            *worth,
-            *effort.pulse_lines(mission, result),
-            *closing,
-            *([reached] if reached and plan.ok else []),
-        ),
-        conflicts.film(result, mission.scenario.zones)
-        + (*reconfigure_pictures(mission, result), *choices.pictures),
+        (*tables, *path_tables(mission, result)),
+        tuple(worth),
+        tuple(reconfigure_pictures(mission, result)),
         {"plan": figures},
-        {**effort.files(mission, result, slots), **choices.fired.files},
+        effort.files(mission, result, slots),
     )
+    last = (*closing, reached) if reached and plan.ok else closing
+    return completed(own, choices, (*touched, *priced, *near), last)
 
 
 def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -> Section:

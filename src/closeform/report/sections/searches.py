@@ -10,9 +10,7 @@ import numpy as np
 
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
 from closeform.mission.verdict import SunAngle, conflicts_in, conflicts_of
-from closeform.report import conflicts, effort
-from closeform.report.picture import Film, Picture
-from closeform.report.section import (
+from closeform.report.description import (
     MOST_ROWS,
     PAIR,
     PHASE,
@@ -24,6 +22,8 @@ from closeform.report.section import (
     heading,
     minutes,
 )
+from closeform.report.picture import Film, Picture
+from closeform.report.sections import conflicts, effort
 from closeform.scenario import Gather, Lock
 from closeform.search.gathering.result import Event, EventKind, Gathering, GatherStatus, listed
 from closeform.search.leg import SPELLED
@@ -215,6 +215,19 @@ def lock(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
         },
         files={"locks": locks},
     )
+
+
+def locks_of(found: Any) -> list[tuple[float, int, int]]:
+    """Return the locks of a stage, none if it does not search: time from its start [s] and the two craft."""
+    if isinstance(found, Gathering):
+        return [
+            (event.time, event.first, event.second) for event in found.events if event.kind is EventKind.LOCK
+        ]
+    if isinstance(found, FirstLocks):
+        met = np.flatnonzero(found.locks.leg >= 0)
+        pairs, times = found.pairs[met].tolist(), found.locks.time[met].tolist()
+        return [(time, first, second) for time, (first, second) in zip(times, pairs, strict=True)]
+    return []
 
 
 def lock_row(found: FirstLocks, k: int, names: tuple[str, ...]) -> tuple[Any, ...]:

@@ -1,10 +1,10 @@
-"""Conflicts, closest approaches and passive safety, as lines, tables and pictures."""
+"""Conflicts and closest approaches, as lines, tables and pictures."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf, isfinite, isnan, sqrt
-from typing import TYPE_CHECKING, Any
+from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -13,24 +13,14 @@ from closeform.conflicts.two_paths import PairConflict, nearest_first
 from closeform.mission.mission_result import StageResult
 from closeform.mission.verdict import conflicts_in
 from closeform.motion.arc import END, START
-from closeform.motion.path import Path
+from closeform.report.description import AT, MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.report.picture import Film, Picture
-from closeform.report.section import AT, MOST_ROWS, PAIR, Column, Table, counted, record
-from closeform.safety.failures import ThrustLost
-from closeform.scenario.quantity import span
-from closeform.scenario.stages import Drifting
 from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones
-from closeform.zones.zone import Zone
-
-if TYPE_CHECKING:
-    from closeform.mission.passive_safety import PairDrift, PassiveSafety
 
 DOUBTFUL = 0.1  # of a clearance ratio: a smaller interpolation error causes no warning
 FEWEST, MOST_CURVES = 4, 8  # pairs whose clearance ratios are plotted over time
 MOST_PAIRS = 1000  # closest approaches shown; the Parquet table has all that were computed
-MOST_FAILURES = 6  # pairs whose clearance ratio is plotted against the instant of failure
-ROUNDING = 1e-6  # m: a smaller distance is printed as 0
 
 SECONDS = "{:.3f}".format
 RATIO = Column("clearance", "ratio", "{:.4f} x zone".format)
@@ -54,12 +44,6 @@ BY_PAIR = (
 )
 APPROACH = (PAIR, RATIO, Column("distance [m]", "distance_m", SECONDS), AT, Column(None, "zone"))
 WHEN = Column("when", "when")
-EVENTS = {  # a failure as text, and the heading of its time
-    "ThrustLost": ("thrust is lost", "thrust lost at [s]"),
-    "MissedBurns": ("burns are missed", "first missed at [s]"),
-    "DegradedThrust": ("thrust is degraded", "degraded from [s]"),
-    "StuckOnThrust": ("thrust is stuck on", "stuck from [s]"),
-}
 
 
 def conflict_row(met: PairConflict) -> tuple[Any, ...]:
@@ -228,168 +212,3 @@ def deepest(flight: WatchedFlight) -> tuple[Picture, ...]:
     caption = f"{pair[0]} relative to {pair[1]}, the conflict with the closest approach"
     arguments = *(flight.path(name) for name in pair), zone
     return (Picture("distances", caption, "distances", arguments, {"names": pair}),)
-
-
-def drift_columns(passive: "PassiveSafety") -> tuple[Column, ...]:
-    """Return the columns of the table of pairs in free drift."""
-    return (
-        Column("fails", "first", words=True),
-        Column("meets", "second", words=True),
-        RATIO,
-        Column("distance [m]", "distance_m", SECONDS),
-        Column(EVENTS[type(passive.failure).__name__][1], "failed_at_s", SECONDS, since="mission"),
-        replace(AT, heading="closest at [s]"),
-        Column("later", None, absent=""),
-        Column("in", "model", words=True, spare=True),
-    )
-
-
-def drift_row(pair: "PairDrift") -> tuple[Any, ...]:
-    """Return a row of the table of pairs in free drift."""
-    known = [value if isfinite(value) else None for value in (pair.distance, pair.failed_at, pair.time)]
-    later = span(pair.time - pair.failed_at) if None not in known else None
-    return (pair.fails, pair.meets, pair.ratio, *known, later, pair.model)
-
-
-def drift_lines(result: StageResult[Any, Any]) -> Iterator[str]:
-    """Yield the verdict on passive safety as text, and whether the paths were planned for it."""
-    passive, stage = result.passive, result.stage
-    if passive is None:
-        if isinstance(stage, Drifting) and stage.drift is not None:
-            one = result.unplanned
-            direct = f"; on the direct path: {one.fails} to {one.meets}, {near(one)}" if one else ""
-            yield f"Passively safe {stage.lasting}: no, since there is no path{direct}"
-        return
-    safe, worst = passive.safe, passive.worst
-    title = f"{'Passively' if safe else 'Not passively'} safe {passive.lasting}"
-    if worst is None:
-        several = passive.count and f"no conflict after any of {passive.count} failures of one craft"
-        yield f"{title}: {several or 'no two craft keep a zone'}"
-        return
-    pair = f"{worst.fails} to {worst.meets}"
-    many = "" if safe or passive.count < 2 else f"; unsafe are {len(passive.unsafe)} of {passive.count} pairs"
-    yield f"{title}: {pair}, closest approach {near(worst)}{when(passive, worst)}{many}"
-    if passive.field:
-        yield f"Evaluated {passive.models}, the worse for each pair; the closest approach is in {worst.model}"
-    if safe and passive.doubt:
-        remedy = "" if passive.field else "; enlarge the zone, or add a field"
-        yield f"Not shown beyond Hill's equations: {passive.doubt}{remedy}"
-    if all(isnan(pair.failed_at) for pair in passive.pairs):
-        return
-    if not passive.planned:
-        yield "Checked, not planned for: every instant of failure and the whole free drift"
-        return
-    how = "Planned for" if result.pulsed is None else "Planned for, and checked with the pulses as fired"
-    unplanned = passive.direct
-    if unplanned is None:
-        yield f"{how}: the direct path is safe, at every instant of failure and for the whole free drift"
-    else:
-        both = f"{unplanned.fails} to {unplanned.meets}"
-        yield f"{how}; on the direct path: {both}, closest approach {near(unplanned)}"
-
-
-def near(pair: "PairDrift") -> str:
-    """Return the clearance ratio and the distance of a pair as text."""
-    metres = (
-        f" ({pair.distance if pair.distance > ROUNDING else 0.0:.4g} m)" if isfinite(pair.distance) else ""
-    )
-    return f"{pair.ratio:.4f} x zone{metres}{pair.beside}"
-
-
-def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
-    """Return the time of failure and the time from there to the closest approach, as text."""
-    failed = "" if isnan(pair.failed_at) else f", if {event(passive)} at {pair.failed_at:.1f} s"
-    if not isfinite(pair.time):
-        return f"{failed}, in a drift too slow to determine the time"
-    if not failed:
-        return f", without any thrust, at {pair.time:.1f} s"
-    return f"{failed}, {span(pair.time - pair.failed_at)} later"
-
-
-def event(passive: "PassiveSafety") -> str:
-    """Return the failure as text."""
-    return EVENTS[type(passive.failure).__name__][0]
-
-
-def drift_tables(result: StageResult[Any, Any]) -> tuple[Table, ...]:
-    """Return the table of pairs, smallest clearance ratio first."""
-    passive = result.passive
-    if passive is None or len(passive.pairs) < 2:
-        return ()
-    some = f", the {MOST_ROWS} closest" if len(passive.pairs) > MOST_ROWS else ""
-    of = f" of {passive.count}" * (len(passive.pairs) < passive.count)
-    title = f"Closest approaches when {event(passive)}{some}{of}"
-    return (Table(title, drift_columns(passive), [drift_row(pair) for pair in passive.pairs[:MOST_ROWS]]),)
-
-
-def drift_figures(result: StageResult[Any, Any]) -> dict[str, Any]:
-    """Return the results on passive safety for `summary.json`."""
-    passive = result.passive
-    if passive is None:
-        return {}
-    worst, direct = passive.worst, passive.direct
-    return {
-        "passive_safety": {
-            "safe": passive.safe,
-            "model": passive.models.removeprefix("in "),
-            "not_shown": passive.doubt or None,
-            "planned": passive.planned,
-            "until_s": passive.until,
-            "drift_s": passive.until - result.end,
-            "failure": {"what": type(passive.failure).__name__, **vars(passive.failure)},
-            "pairs": passive.count,
-            "direct": None if direct is None else record(drift_columns(passive), drift_row(direct)),
-            "unsafe": len(passive.unsafe),
-            "nearest": None if worst is None else record(drift_columns(passive), drift_row(worst)),
-        }
-    }
-
-
-def drift_files(result: StageResult[Any, Any]) -> dict[str, Table]:
-    """Return all pairs that were checked, as a table for Parquet."""
-    passive = result.passive
-    if passive is None:
-        return {}
-    return {"drifts": Table("", drift_columns(passive), [drift_row(pair) for pair in passive.pairs])}
-
-
-def drift_pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
-    """Return pictures of clearance by time of thrust loss, and of the drift of the closest pair."""
-    passive = result.passive
-    if passive is None or not isinstance(passive.failure, ThrustLost):
-        return ()
-    failing = [pair for pair in passive.pairs if not isnan(pair.failed_at)][:MOST_FAILURES]
-    if not failing:
-        return ()
-    fates = [drifting(result.after, pair, passive.until) for pair in failing]
-    paths, others, zones = (list(some) for some in zip(*fates, strict=True))
-    direct = passive.direct
-    before = None if direct is None else drifting(result.before, direct, passive.until)
-    some = f", the {MOST_FAILURES} closest of {passive.count} pairs" if passive.count > MOST_FAILURES else ""
-    first = failing[0]
-    return (
-        Picture(
-            "failures",
-            f"Clearance ratio in free drift by instant of thrust loss{some}",
-            "drift_ratios",
-            (paths, others, zones, passive.until),
-            {"labels": [f"{pair.fails} fails, {pair.meets}" for pair in failing], "before": before},
-        ),
-        Picture(
-            "drift",
-            f"Free drift of {first.fails} after loss of thrust, relative to {first.meets}",
-            "drift_fan",
-            (*fates[0], passive.until),
-            {"names": (first.fails, first.meets)},
-        ),
-    )
-
-
-def drifting(flight: WatchedFlight, pair: "PairDrift", until: float) -> tuple[Path, Path, Zone]:
-    """Return the path of a pair that fails, the one that continues `until` a time [s], and their zone."""
-    fails, meets = flight.path(pair.fails), flight.path(pair.meets)
-    if until != inf:
-        from closeform.safety.failure_cells import extended_by_coasts  # only a drift needs these kernels
-
-        meets = extended_by_coasts(meets, until)
-    return fails, meets, pair.zone

@@ -1,0 +1,1 @@
+"""Contents of reports by topic: moves, searches, conflicts, effort, uncertainty and model error."""
