@@ -31,7 +31,7 @@ SOON = 100.0  # orbits of a drift without end that are searched directly
 FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 Failing = Literal["path", "other", "either", "both"]
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
-LOSSES = 200, 21, 21  # instants of a loss of thrust beside any chief: over the path, then near the worst
+LOSSES = 200, *(21,) * 5  # instants of a loss of thrust beside any chief: over the path, then near the worst
 CERTAIN = 0.999, 0.99, 0.9  # of the minimum found there: norms of which one is proven as a bound
 
 
