@@ -292,7 +292,7 @@ def nearest(
         at = np.where(thrusts[first], close.failed_at, nan)
         columns = first, second, at, close.time, close.ratio, close.distance, close.lower
         return [
-            PairDrift(flight.names[one], flight.names[other], zone, *figures, model)
+            PairDrift(flight.names[one], flight.names[other], zone, *figures, model=model)
             for one, other, *figures in zip(*(part.tolist() for part in columns), strict=True)
         ]
 
