@@ -289,11 +289,13 @@ def nearest(
     def search(job: tuple[Zone, Any, Any]) -> list[PairDrift]:
         zone, first, second = job
         close = drift_approach(paths[first], flying[second], zone, until, failure)
-        at = np.where(thrusts[first], close.failed_at, nan)
-        columns = first, second, at, close.time, close.ratio, close.distance, close.lower
+        failed = np.where(thrusts[first], close.failed_at, nan)
+        columns = first, second, failed, close.time, close.ratio, close.distance, close.lower
         return [
-            PairDrift(flight.names[one], flight.names[other], zone, *figures, model=model)
-            for one, other, *figures in zip(*(part.tolist() for part in columns), strict=True)
+            PairDrift(flight.names[one], flight.names[two], zone, at, time, ratio, distance, lower, model)
+            for one, two, at, time, ratio, distance, lower in zip(
+                *(part.tolist() for part in columns), strict=True
+            )
         ]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
