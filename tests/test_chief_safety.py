@@ -66,6 +66,13 @@ def test_verdicts_are_those_of_dense_samples(e):
         least = nearest_drift(path, other, larger(zone, 1.0), until)
         assert cf.passively_safe(path, other, larger(zone, least * 0.995), until)
         assert not cf.passively_safe(path, other, larger(zone, least * 1.005), until)
+        found = cf.drift_approach(path, other, larger(zone, 1.0), until)
+        assert 0.89 * found.ratio <= found.lower <= least * (1.0 + 1e-9)
+        assert found.ratio == pytest.approx(least, rel=2e-4)
+        drift = orbit.coast(path.state(found.failed_at), until - found.failed_at, found.failed_at)
+        gap = drift.position(found.time) - other.position(found.time)
+        assert larger(zone, 1.0).norm(gap) == pytest.approx(found.ratio, rel=1e-8)
+        assert found.distance == pytest.approx(np.linalg.norm(gap), rel=1e-8)
 
 
 def test_either_spacecraft_may_fail():
@@ -97,6 +104,10 @@ def test_batches_and_j2():
     other, zone = orbit.coast(np.zeros(6), 20_000.0), cf.Sphere(100.0)
     least = [nearest_drift(paths[k], other, zone, 20_000.0) for k in range(2)]
     assert cf.passively_safe(paths, other, zone, 20_000.0).tolist() == [one > 1.0 for one in least]
+    found = cf.drift_approach(paths, other, zone, 20_000.0)
+    assert found.ratio == pytest.approx(least, rel=2e-4, abs=1e-3)
+    assert (found.lower <= found.ratio).all()
+    assert found.failing.tolist() == ["path", "path"]
 
 
 def test_returns_stay_within_their_bounds():

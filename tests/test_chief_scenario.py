@@ -67,6 +67,7 @@ def test_an_unsafe_drift_beside_a_chief_is_found():
     met = met if worst.time <= met.end else met.extended(worst.time)
     gap = drift.position(worst.time) - met.position(worst.time)
     assert worst.zone.norm(gap) == pytest.approx(worst.ratio, rel=1e-6)
+    assert worst.lower <= worst.ratio
 
 
 @pytest.mark.parametrize("model", ["kepler", "j2"])

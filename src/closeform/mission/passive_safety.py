@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
-from closeform.conflicts.two_paths import closest_approach
 from closeform.dynamics.clearance import minimum_ratios
 from closeform.dynamics.force_model.field import described
 from closeform.dynamics.simulation.loss_of_thrust import INSTANTS, Loss, sampled_losses
@@ -18,9 +17,8 @@ from closeform.mission.mission_result import AvoidResult, ReconfigureResult, Sta
 from closeform.mission.simulation_verdict import Neglected
 from closeform.mission.verdict import Asked, metres
 from closeform.motion.arc import IMPULSE, THRUST
-from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
-from closeform.safety.drift_approach import drift_approach, passively_safe
+from closeform.safety.drift_approach import drift_approach
 from closeform.safety.drift_screen import drift_screen
 from closeform.safety.failure_cells import extended_by_coasts
 from closeform.safety.failures import Failure, ThrustLost
@@ -36,7 +34,6 @@ HILL = "Hill's equations"
 # error of a narrow range of failures, which INSTANTS miss, can be twice as large.
 MOST_INSTANTS, DENSE = 401, 20_000  # at most, and times the square of the number of spacecraft
 CHUNK = 64  # directed pairs that one thread evaluates at a time
-LOSSES = 200  # instants of loss of thrust sampled about a chief that is not on a circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +283,7 @@ def nearest(
     paths = flight.paths
     thrusts = np.array([does_thrust(paths[k]) for k in range(len(paths))])
     flying = paths if until == inf else extended_by_coasts(paths, until)
+    model = paths.orbit._model or HILL
     asked = sum(len(first) for _, first, _ in directed(zones, thrusts, MOST))
     looked = directed(zones, thrusts, CHUNK)
     if asked > MOST:
@@ -296,42 +294,19 @@ def nearest(
 
     def search(job: tuple[Zone, Any, Any]) -> list[PairDrift]:
         zone, first, second = job
-        if isinstance(paths.orbit, ChiefOrbit):
-            return [*beside_chief(flight, flying, job, until)]
         close = drift_approach(paths[first], flying[second], zone, until, failure)
-        at = np.where(thrusts[first], close.failed_at, nan)
-        columns = first, second, at, close.time, close.ratio, close.distance, close.lower
+        failed = np.where(thrusts[first], close.failed_at, nan)
+        columns = first, second, failed, close.time, close.ratio, close.distance, close.lower
         return [
-            PairDrift(flight.names[one], flight.names[other], zone, *figures)
-            for one, other, *figures in zip(*(part.tolist() for part in columns), strict=True)
+            PairDrift(flight.names[one], flight.names[two], zone, at, time, ratio, distance, lower, model)
+            for one, two, at, time, ratio, distance, lower in zip(
+                *(part.tolist() for part in columns), strict=True
+            )
         ]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         pairs = [pair for some in pool.map(search, looked) for pair in some]
     return tuple(sorted(pairs, key=lambda pair: (round(pair.ratio, 9), pair.time))), asked
-
-
-def beside_chief(
-    flight: WatchedFlight, flying: Path, job: tuple[Zone, Any, Any], until: float
-) -> Iterator[PairDrift]:
-    """Yield the closest approach of directed pairs after a loss of thrust, about any chief.
-
-    Safety is certified; the closest approach is that of `LOSSES` instants of loss.
-    """
-    zone, first, second = job
-    for one, other in zip(first.tolist(), second.tolist(), strict=True):
-        path, met = flight.paths[one], flying[other]
-        thrusts = does_thrust(path)
-        times = np.linspace(path.start, path.end, LOSSES) if thrusts else np.array([path.start])
-        times = times[times < until]
-        coasts = path.orbit.coast(path.state(times), until - times, times)
-        close = closest_approach(coasts, met, zone)
-        k = int(np.argmin(close.ratio))
-        lost_at = float(times[k]) if thrusts else nan
-        time, ratio, distance = (float(column[k]) for column in (close.time, close.ratio, close.distance))
-        lower = 1.0 if passively_safe(path, met, zone, until) else 0.0
-        fails, meets = flight.names[one], flight.names[other]
-        yield PairDrift(fails, meets, zone, lost_at, time, ratio, distance, lower, path.orbit._model)
 
 
 def is_planned(result: StageResult[Any, Any]) -> bool:

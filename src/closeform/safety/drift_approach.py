@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
+<<<<<<< HEAD
 from closeform.conflicts.two_paths import check_comparable, craft_of
 from closeform.motion.arc import END, IMPULSE, START
+=======
+from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of, require_hill
+from closeform.motion.arc import END, IMPULSE, START, THRUST
+>>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
@@ -31,6 +36,8 @@ SOON = 100.0  # orbits of a drift without end that are searched directly
 FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 Failing = Literal["path", "other", "either", "both"]
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
+LOSSES = 200, *(21,) * 5  # instants of a loss of thrust beside any chief: over the path, then near the worst
+CERTAIN = 0.999, 0.99, 0.9  # of the minimum found there: norms of which one is proven as a bound
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,6 +147,7 @@ def _safe_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
 ) -> bool | NDArray[np.bool_]:
     """Return `passively_safe` about a chief that is not on a circle."""
+<<<<<<< HEAD
     if not isinstance(failure, ThrustLost) or failing == "both":
         raise ValueError(
             "failure, failing: only ThrustLost of one spacecraft is judged about an "
@@ -151,6 +159,9 @@ def _safe_beside_chief(
             f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
         )
     end = _checked(path, other, zone, until, failure, failing)
+=======
+    end = _checked_beside_chief(path, other, zone, until, failure, failing)
+>>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
     shape = broadcast(path=path.shape, other=other.shape)
     safe = np.ones(len(first := craft_of(path, shape)), dtype=bool)
     for k, (one, two) in enumerate(zip(first, craft_of(other, shape), strict=True)):
@@ -160,6 +171,74 @@ def _safe_beside_chief(
         if failing != "path":
             safe[k] &= loss_of_thrust_is_safe(its, mine, zone, end, around=False)
     return safe.reshape(shape) if shape else bool(safe[0])
+
+
+def _checked_beside_chief(
+    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
+) -> float:
+    """Validate the arguments about a chief that is not on a circle; return the end of the drift."""
+    if not isinstance(failure, ThrustLost) or failing == "both":
+        require_hill(path, "failure, failing: other failures than ThrustLost of one spacecraft")
+    if not np.isfinite(number("until", until)):
+        raise ValueError(
+            f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
+        )
+    return _checked(path, other, zone, until, failure, failing)
+
+
+def _approach_beside_chief(
+    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
+) -> DriftApproach:
+    """Return `drift_approach` about a chief that is not on a circle."""
+    end = _checked_beside_chief(path, other, zone, until, failure, failing)
+    shape, sides = broadcast(path=path.shape, other=other.shape), ("path", "other")
+    rows = []
+    for one, two in zip(craft_of(path, shape), craft_of(other, shape), strict=True):
+        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
+        found = [
+            (*_after_loss(*((mine, its) if side == "path" else (its, mine)), zone, end, side == "path"), side)
+            for side in sides
+            if failing in (side, "either")
+        ]
+        worst = min(found, key=lambda row: row[2])
+        rows.append((*worst[:4], worst[5], min(row[4] for row in found)))
+    columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else [np.empty(0)] * 6
+    if not shape:
+        at, time, ratio, distance, which, lower = rows[0]
+        return DriftApproach(at, time, ratio, distance, which, lower)
+    return DriftApproach(*(column.reshape(shape) for column in columns))
+
+
+def _after_loss(
+    fails: Path, meets: Path, zone: Zone, end: float, around: bool
+) -> tuple[float, float, float, float, float]:
+    """Return the worst loss of thrust: its time, that of the minimum norm, the norm, distance and a bound.
+
+    The zone is around `meets`, or around `fails` if not `around`.  The instant of loss is refined between
+    samples.  The bound is the largest of some norms that no loss at any instant goes below.
+    """
+    thrusts = fails.arcs[:, THRUST:].any() or fails.arcs[:, IMPULSE : IMPULSE + 3].any()
+    low, high = float(fails.start), min(float(fails.end), np.nextafter(end, -np.inf))
+    worst = np.nan, np.nan, np.inf, np.inf
+    for count in LOSSES if thrusts else (1,):
+        times = np.linspace(low, high, count)
+        drifts = fails.orbit.coast(fails.state(times), end - times, times)
+        near = closest_approach(*((drifts, meets) if around else (meets, drifts)), zone)
+        k = int(np.argmin(near.ratio))
+        if near.ratio[k] < worst[2]:
+            worst = times[k], near.time[k], near.ratio[k], near.distance[k]
+        low, high = times[max(k - 1, 0)], times[min(k + 1, count - 1)]
+    at, time, ratio, distance = map(float, worst)
+    if not thrusts or ratio == np.inf:
+        return at if thrusts else np.nan, time, ratio, distance, ratio
+    levels = sorted(level for level in (1.0, *(share * ratio for share in CERTAIN)) if 0.0 < level < ratio)
+    lower = 0.0 if zone.shape != FACES else -np.inf
+    for level in levels[::-1]:
+        larger = Zone(zone.shape, zone.matrix / level, zone.faces)
+        if loss_of_thrust_is_safe(fails, meets, larger, end, around):
+            lower = level
+            break
+    return at, time, ratio, distance, lower
 
 
 def drift_approach(
@@ -185,10 +264,10 @@ def drift_approach(
         End of the drift, in the time of the paths, not before the failing path ends. inf stands for
         a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
-        Failure of thrust.
+        Failure of thrust; about a chief that is not on a circle only `ThrustLost`.
     failing : {"path", "other", "either", "both"}, default "path"
         Which spacecraft fails: one while the other continues as planned, either (the worse of the
-        two), or both, each at its own instant.
+        two), or both, each at its own instant.  About a chief that is not on a circle not both.
 
     Returns
     -------
@@ -196,25 +275,35 @@ def drift_approach(
         Floats for two spacecraft, arrays for batches. No failure at any instant leads below `lower`
         during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
         or to that share of itself where it is above 1, unless failures with many unknowns need more
-        cells than are searched; then the minimum lies between `lower` and `ratio`.
+        cells than are searched; then the minimum lies between `lower` and `ratio`.  About a chief that is
+        not on a circle `lower` is mostly 0.1 % below the ratio.
 
     Raises
     ------
     ValueError
         If a path that does not fail ends before `until`, `until` is before the end of a path that fails,
+<<<<<<< HEAD
         impulses would be stuck on, the orbits differ, batch shapes do not broadcast, an argument is of
         another type, or the chief is not on a circle.
+=======
+        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
+        of another type; about a chief that is not on a circle if `until` is inf.
+>>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
 
     References
     ----------
-    docs/theory.md section 8; docs/passive_safety.md.
+    docs/theory.md sections 8 and 11; docs/passive_safety.md.
     """
     if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
+<<<<<<< HEAD
         raise ValueError(
             f"path: the closest of all drifts is searched about a circular orbit only, not about an "
             f"{path.orbit.chief}; "  # type: ignore[attr-defined]
             "passively_safe gives the verdict for a zone, also an enlarged one"
         )
+=======
+        return _approach_beside_chief(path, other, zone, until, failure, failing)
+>>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
     found = [
         _columns_of(which, rows, zone, sides, ends)
         for which, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
