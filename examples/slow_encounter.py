@@ -62,7 +62,7 @@ share, error = near.mean(), near.std() / np.sqrt(PAIRS)
 print(
     f"{encounter.distance:.1f} m apart, {encounter.speed * 1e3:.0f} mm/s, {encounter.path.end:.0f} s each way"
 )
-print(f"exact in the Hill model     {exact.value:.4f}  [{exact.low:.4f}, {exact.high:.4f}]")
+print(f"exact in the linear model   {exact.value:.4f}  [{exact.low:.4f}, {exact.high:.4f}]")
 print(f"short-encounter formula     {short.value:.4f}")
 print(f"Monte Carlo, {PAIRS} pairs     {share:.4f}  +- {1.96 * error:.4f}")
 assert short.value < 0.5 * exact.value

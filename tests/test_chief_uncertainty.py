@@ -7,6 +7,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 import closeform as cf
 from chiefs import linear_matrix
+from closeform.uncertainty.covariance_propagation import uncertainty_at_end
 
 KNOWN = np.diag([2.0, 5.0, 2.0, 1e-3, 1e-3, 1e-3]) ** 2
 OTHER = np.diag([1.0, 3.0, 1.0, 2e-3, 1e-3, 1e-3]) ** 2
@@ -53,6 +54,18 @@ def test_covariance_follows_its_equation(e):
     found = errors.covariance(path, [path.start, path.end])
     assert (np.abs(found[1] - truth) <= 1e-8 * np.outer(sizes, sizes)).all()
     assert np.allclose(found[0], begin, rtol=1e-12, atol=1e-15)
+
+
+def test_errors_at_the_end_are_those_of_the_covariance(oblate):
+    """With errors of thrust, impulses and noise; carried on, they are those of one longer path."""
+    path = cf.join([oblate.transfer(START, END, 4000.0), oblate.impulsive(END, START, 4000.0, 4000.0)])
+    errors = cf.Uncertainty(KNOWN, magnitude=0.03, impulse=[0.0, 0.02, 0.0, 0.02], noise=1e-9)
+    first = cf.join([oblate.transfer(START, END, 4000.0)])
+    then = oblate.impulsive(END, START, 4000.0, 4000.0)
+    whole = errors.covariance(path, path.end)
+    parts = uncertainty_at_end(errors, first).covariance(then, then.end)
+    sizes = np.sqrt(np.diag(whole))
+    assert (np.abs(whole - parts) <= 1e-9 * np.outer(sizes, sizes)).all()
 
 
 def test_noise_about_an_oblate_body(oblate):

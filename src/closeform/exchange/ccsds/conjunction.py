@@ -197,7 +197,7 @@ class Conjunction(Result):
         return np.concatenate([turn @ (second - first)[:3], turn @ (second - first)[3:]])
 
     def encounter(self, half_window: float | None = None, mu: float = EARTH_MU) -> Encounter:
-        """Return paths and errors of both about their closest approach, in the Hill frame of the first.
+        """Return paths and errors of both about their closest approach, in the frame of the first.
 
         Parameters
         ----------
