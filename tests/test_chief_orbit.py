@@ -229,7 +229,6 @@ def test_what_is_not_supported_is_refused_in_words():
         lambda: cf.drift_approach(one, other, zone, np.inf),
         lambda: cf.drift_screen(path, zone, 5000.0),
         lambda: cf.last_possible_conflict(one, other, zone),
-<<<<<<< HEAD
         lambda: cf.find_conflicts(one, other, zone, cf.Uncertainty(noise=1e-9)),
         lambda: cf.screen(path, zone, cf.Uncertainty(noise=1e-9)),
         lambda: cf.clearance_in_sigmas(one, other, zone, cf.Uncertainty(noise=1e-9)),
@@ -237,14 +236,7 @@ def test_what_is_not_supported_is_refused_in_words():
             orbit.transfer(START, END, 5000.0), other, zone, cf.Uncertainty(pointing=0.1)
         ),
         lambda: cf.collision_probability(one, other, zone, cf.Uncertainty(noise=1e-9), method="monte-carlo"),
-        lambda: cf.max_clearance(one, other, zone, 1.0),
-=======
-        lambda: cf.find_conflicts(one, other, zone, cf.Uncertainty(np.eye(6))),
-        lambda: cf.screen(path, zone, cf.Uncertainty(np.eye(6))),
-        lambda: cf.clearance_in_sigmas(one, other, zone, cf.Uncertainty(np.eye(6))),
-        lambda: cf.collision_probability(one, other, zone, cf.Uncertainty(np.eye(6))),
         lambda: cf.max_clearance(one, other, zone, 1.0, cost="delta-v"),
->>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
         lambda: cf.least_delta_v(orbit, START, END, 1000.0, 1e-3),
         lambda: cf.delta_v_bound(orbit, START, END, 1000.0),
         lambda: cf.least_time(orbit, START, END, 1e-3),

@@ -60,7 +60,6 @@ SHARES = 0.5, 0.25, 0.125  # of the way to the minimum of planes; a shorter step
 GAINED = 1e-4  # of the cost: minimum saving for another step down
 DESCENTS, APPROACHES = 20, 12  # maximum steps to cheaper paths, and to clear ones
 CUTS, CROWDED = 8, 250  # maximum rounds of a step down that add planes, and maximum planes
-CLOSER, STUCK = 1e-3, 3  # rise of the clearance ratio, and the steps without one that end an approach
 LIFTS = 0.0, 1e-3, 1e-2  # distances in zones by which planes are moved out for a step to clear paths
 
 
@@ -222,8 +221,6 @@ class Step(NamedTuple, Generic[C]):
     gained: float = inf  # by the last step
     turn: int = 0
     over: bool = False
-    worst: float = 0.0  # largest clearance ratio of all steps of an approach
-    nearest: int = 0  # step that reached it
 
 
 @dataclass(frozen=True)
@@ -295,14 +292,10 @@ class Approach(Generic[C, P]):
 
     def step(self, state: Step[C]) -> Step[C]:
         """Return the state after a step to clear paths, or to those nearest to them."""
-        stuck = state.turn - state.nearest > STUCK
-        if stuck or state.turn == APPROACHES - 1 or self.task.exhausted():
+        if state.turn == APPROACHES - 1 or self.task.exhausted():
             return Step(None)
         assert state.best is not None
-        there, turn = self.nearer(state.best), state.turn + 1
-        if there is None or there.worst < state.worst + CLOSER:
-            return Step(there, turn=turn, worst=state.worst, nearest=state.nearest)
-        return Step(there, turn=turn, worst=there.worst, nearest=turn)
+        return Step(self.nearer(state.best), turn=state.turn + 1)
 
     def nearer(self, here: C) -> C | None:
         """Return paths that are clear or nearest to it, also with planes farther out; None without any."""

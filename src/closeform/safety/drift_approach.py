@@ -10,13 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-<<<<<<< HEAD
-from closeform.conflicts.two_paths import check_comparable, craft_of
-from closeform.motion.arc import END, IMPULSE, START
-=======
-from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of, require_hill
+from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
 from closeform.motion.arc import END, IMPULSE, START, THRUST
->>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
@@ -147,21 +142,7 @@ def _safe_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
 ) -> bool | NDArray[np.bool_]:
     """Return `passively_safe` about a chief that is not on a circle."""
-<<<<<<< HEAD
-    if not isinstance(failure, ThrustLost) or failing == "both":
-        raise ValueError(
-            "failure, failing: only ThrustLost of one spacecraft is judged about an "
-            f"{path.orbit.chief}; failures with several unknowns "  # type: ignore[attr-defined]
-            "are searched about a circular orbit"
-        )
-    if not np.isfinite(number("until", until)):
-        raise ValueError(
-            f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
-        )
-    end = _checked(path, other, zone, until, failure, failing)
-=======
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
->>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
     shape = broadcast(path=path.shape, other=other.shape)
     safe = np.ones(len(first := craft_of(path, shape)), dtype=bool)
     for k, (one, two) in enumerate(zip(first, craft_of(other, shape), strict=True)):
@@ -178,7 +159,11 @@ def _checked_beside_chief(
 ) -> float:
     """Validate the arguments about a chief that is not on a circle; return the end of the drift."""
     if not isinstance(failure, ThrustLost) or failing == "both":
-        require_hill(path, "failure, failing: other failures than ThrustLost of one spacecraft")
+        raise ValueError(
+            "failure, failing: only ThrustLost of one spacecraft is judged about an "
+            f"{path.orbit.chief}; failures with several unknowns "  # type: ignore[attr-defined]
+            "are searched about a circular orbit"
+        )
     if not np.isfinite(number("until", until)):
         raise ValueError(
             f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
@@ -254,8 +239,7 @@ def drift_approach(
     Parameters
     ----------
     path : Path
-        Path of one spacecraft, or a batch, about a circular orbit or in deep space: about other chiefs only
-        the verdict for a zone is searched (`passively_safe`).
+        Path of one spacecraft, or a batch.
     other : Path
         Path of the spacecraft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
@@ -282,28 +266,15 @@ def drift_approach(
     ------
     ValueError
         If a path that does not fail ends before `until`, `until` is before the end of a path that fails,
-<<<<<<< HEAD
-        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, an argument is of
-        another type, or the chief is not on a circle.
-=======
         impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
         of another type; about a chief that is not on a circle if `until` is inf.
->>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
 
     References
     ----------
     docs/theory.md sections 8 and 11; docs/passive_safety.md.
     """
     if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
-<<<<<<< HEAD
-        raise ValueError(
-            f"path: the closest of all drifts is searched about a circular orbit only, not about an "
-            f"{path.orbit.chief}; "  # type: ignore[attr-defined]
-            "passively_safe gives the verdict for a zone, also an enlarged one"
-        )
-=======
         return _approach_beside_chief(path, other, zone, until, failure, failing)
->>>>>>> 317a2d94496b0f4dd459ff39cfc94da1a7ef98a6
     found = [
         _columns_of(which, rows, zone, sides, ends)
         for which, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)

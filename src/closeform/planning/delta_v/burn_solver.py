@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import product
-from math import ceil, inf, pi, sqrt
+from math import ceil, inf, pi
 from typing import Any, Self
 
 import numpy as np
@@ -43,6 +43,7 @@ from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
+BRIEF_BURNS = 4.0  # times the peak of continuous thrust: above it burns are brief enough to replace impulses
 PARTS = 1, 4  # of a slot, for continuous thrust: the second where the first leads too far into zones
 FINE = 0.03  # rad of the orbit: maximum slot with thrust along a turning primer
 FINEST = 1.0 / 64.0  # of a craft's time: upper limit of these slots
@@ -124,32 +125,28 @@ class BurnSolver(ImpulseSolver):
             found = self.minimise(program, LAST, self.least, inf)
         return found and replace(found, least=super().unconstrained().least)
 
-    def at_impulses(self, safe: Spent) -> Spent | None:
-        """Return clear burns within the limits at the times of safe impulses; None without any."""
-        near = self.about(safe)
-        return None if near is None else cleared(self, near)
-
     def tightened(self, safe: Spent) -> Spent | None:
         """Return clear burns within the limits near safe impulsive paths; None without any.
 
-        The limits are reduced gradually from higher ones.  `enough` is set to the smallest factor that was
-        reached.
+        Where burns at the impulses are not safe and cannot be made so by short steps, the limits are reduced
+        gradually from higher ones.  `enough` is set to the smallest factor that was reached.
         """
         sizes = [own[own > 0.0] for own in sizes_of(safe.impulses)]
         short = [own.max(initial=0.0) / (SHORT * time) for own, time in zip(sizes, self.times, strict=True)]
         limited = self.limits > 0.0
         reached = max(1.0, float((np.array(short)[limited] / self.limits[limited]).max()))
-        found, self.enough = tightened(self.tried, safe, reached, sqrt(reached))
+        found, self.enough = tightened(self.tried, safe, reached)
         return found
 
     def instead_of(self, flown: Flown, known: Spent) -> Spent | None:
-        """Return clear burns near clear paths of continuous thrust; None without any.
+        """Return clear burns near clear paths of continuous thrust; None without any, or for high limits.
 
         A thrust slightly above the limits is reduced gradually.
         """
-        if not (self.limits > 0.0).all():
+        peaks = self.problem.path(flown).peak_thrust
+        if not (self.limits > 0.0).all() or (self.limits > BRIEF_BURNS * peaks).all():
             return None
-        reached = float(max((self.problem.path(flown).peak_thrust / self.limits).max(), 1.0))
+        reached = float(max((peaks / self.limits).max(), 1.0))
         for parts in PARTS:
             near = self.staircase(flown, parts, known)
             found = cleared(self, near) if reached == 1.0 else None

@@ -41,7 +41,7 @@ STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures 
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
 AGAIN, GAINING = 3, 0.99  # further steps from few impulses, while the cost falls by this factor
 ABOUT = 5  # safe impulsive paths near which pulses are sought
-PULSING = 0.6  # of the effort, for pulses at least
+PULSING = 0.6  # of the effort, in addition for pulses where these are not found
 IN_ANY_DIRECTION, STARTING, ROOMY = 0.4, 0.6, 0.7  # of the effort, until which each part may last
 DEAR = 1.1  # times the delta-v of safe paths of minimum energy: impulses above it are rejected
 
@@ -83,16 +83,11 @@ def solve_impulses(
     safe: list[Spent] = []
 
     def near() -> Spent | None:
-        free = impulses.unconstrained()
+        free, lasting = impulses.unconstrained(), by_energy()
+        long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
+        problem.effort.used = 0.0  # impulses and burns near them keep their share
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
-        short = None if best is None else burns.at_impulses(best)
-        if short is not None:
-            return short
-        used = problem.effort.used  # the search of burns keeps its share
-        lasting = by_energy()
-        long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
-        problem.effort.used = used
         short = None if best is None else burns.tightened(best)
         clear = [one for one in (long, short) if one is not None]
         return min(clear, key=lambda one: one.delta_v, default=None)
@@ -341,10 +336,13 @@ def pulses_near(
     """Return a pulse solver, and safe pulses near safe impulses, preferably the best; None without any."""
     from closeform.planning.delta_v.pulse_solver import PulseSolver  # only for pulsed thrusters
 
-    pulses = PulseSolver.of(solver)
-    solver.problem.effort.extend(PULSING)
+    pulses, effort = PulseSolver.of(solver), solver.problem.effort
     every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT))
-    return pulses, next((found for found in every if found is not None), None)
+    found = next((found for found in every if found is not None), None)
+    if found is None:
+        effort.extend(PULSING)
+        found = pulses.nearby(best) or pulses.nearby(best, gradually=True)
+    return pulses, found
 
 
 def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:

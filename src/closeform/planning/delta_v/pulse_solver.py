@@ -54,12 +54,16 @@ class PulseSolver(ImpulseSolver):
         solver.fired_by = [own for own in impulses.thrusters if own is not None]
         return solver
 
-    def nearby(self, safe: Spent) -> Spent | None:
-        """Return clear pulses near safe impulses, none below its minimum bit; None without any."""
+    def nearby(self, safe: Spent, gradually: bool = False) -> Spent | None:
+        """Return clear pulses near safe impulses, none below its minimum bit; None without any.
+
+        Pulses can be lengthened `gradually` from those of stronger thrusters.
+        """
         self.last_as(safe)
-        found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
-        if found is None:  # lengthen the pulses gradually
+        if gradually:
             found, _ = tightened(self.tried, safe, STRONGER, sqrt(STRONGER))
+        else:
+            found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
         found = None if found is None else at_rest(self, found, lambda one: one.moments)
         for _ in range(LEFT_OUT):
             if found is None or not (small := self.below_bit(found)).any():
