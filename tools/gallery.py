@@ -8,6 +8,7 @@ import sys
 import tempfile
 from contextlib import suppress
 from pathlib import Path
+from textwrap import fill
 
 from PIL import Image
 
@@ -18,6 +19,8 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "images" / "gallery"
 WIDTH = 1100  # width of a picture [px]
+COLUMNS = 145  # of the page's text
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 # Sections with their examples, and the picture of the result folder that stands for each example.
 EXAMPLES = {
@@ -104,21 +107,16 @@ def command_of(name: str) -> list[str]:
 
 
 def entry(name: str) -> str:
-    """Return the section of an example: title, picture, first comment and command."""
+    """Return the section of an example: title, picture, and first comment with the command."""
     comment = []
     for line in text(name).splitlines():
         if not line.startswith("# "):
             break
         comment.append(line.removeprefix("# "))
     command = " ".join(["closeform", *command_of(name)])
-    return "\n\n".join(
-        [
-            f"### {title(name)}",
-            f"![{title(name)}](images/gallery/{name}.png)",
-            "\n".join(comment),
-            f"```sh\n{command}\n```",
-        ]
-    )
+    unbroken = command.replace(" ", NO_BREAK)
+    about = fill(f"{' '.join(comment)} `{unbroken}`", COLUMNS, break_on_hyphens=False).replace(NO_BREAK, " ")
+    return "\n\n".join([f"### {title(name)}", f"![{title(name)}](images/gallery/{name}.png)", about])
 
 
 def page() -> str:
