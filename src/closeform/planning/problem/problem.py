@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -268,7 +268,8 @@ class Problem:
     def samples(self) -> Floats:
         """Return sample times that cover every craft's own time and every revolution of the orbit."""
         spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
-        a_turn = (A_TURN if self.drift is None else A_DRIFT) / self.orbit.period
+        rate = self.orbit.mean_motion / (2.0 * pi) if self.beside is None else 1.0 / self.orbit.period
+        a_turn = (A_TURN if self.drift is None else A_DRIFT) * rate
         grids = [
             np.linspace(start, end, int(max(SAMPLES / sqrt(len(spans)), a_turn * (end - start))) + 1)
             for start, end in spans
