@@ -109,7 +109,7 @@ def avoid(
         Keep-out margin added to each zone (`Zone.padded`): the combined deviation of craft and obstacle.  A
         tube counts twice, as if obstacles were under feedback as well; use `Tube.radius` where obstacles are
         known exactly.  An array holds the margins of all pairs of the path followed by the obstacles.
-    requirements : Requirement or NoThrust, or sequence of these, default none
+    requirements : Requirement, or sequence of these, default none
         Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
         `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance), and times of `NoThrust`.  They require cost
         "delta-v".  The lower bound counts them.

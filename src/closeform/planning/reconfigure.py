@@ -119,7 +119,7 @@ def reconfigure(
         Keep-out margin added to each zone (`Zone.padded`): the combined deviation of a pair from its paths.
         A tube of N spacecraft assumes that obstacles follow their paths exactly; a tube of all spacecraft
         and obstacles does not.  An array holds the margins of all pairs of spacecraft followed by obstacles.
-    requirements : Requirement or NoThrust, sequence of these, or sequence of N sequences, default none
+    requirements : Requirement, sequence of these, or sequence of N sequences, default none
         Conditions for all spacecraft, or for each, as in `avoid`.
 
     Returns

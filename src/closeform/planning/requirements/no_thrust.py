@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,30 +32,15 @@ class NoThrust(Requirement):
     >>> eclipse = cf.requirements.NoThrust(start=600.0, end=2700.0)
     """
 
-    start: float
-    end: float
+    start: float = field()  # without the defaults of other requirements
+    end: float = field()
 
     def __post_init__(self) -> None:
         if not self.start < self.end:
             raise ValueError(f"end: must be after start, got {self.start} to {self.end} s")
 
     def holds(self, path: Path) -> bool:
-        """Return whether a path does not fire in this time.
-
-        Parameters
-        ----------
-        path : Path
-            Impulses and burns of one spacecraft.
-
-        Returns
-        -------
-        bool
-            True without any.
-
-        References
-        ----------
-        docs/avoidance.md, corridors.
-        """
+        """Return whether a path does not fire in this time."""
         arcs = path.arcs
         impulses, burns = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1), arcs[:, PUSH : PUSH + 3].any(axis=1)
         ends = np.where(burns, arcs[:, END], arcs[:, START])

@@ -52,7 +52,28 @@ class Requirement(ABC):
 
     @abstractmethod
     def holds(self, path: Path) -> bool:
-        """Return whether a path keeps the requirement."""
+        """Return whether a path keeps the requirement at all times, by proof.
+
+        Parameters
+        ----------
+        path : Path
+            Coasts, impulses and burns of constant thrust of one spacecraft.
+
+        Returns
+        -------
+        bool
+            False also where the path touches the surface so closely that rounding decides.  Thrust that
+            varies along an arc, as of thrusters in inertial axes, is judged at samples, without a proof.
+
+        Raises
+        ------
+        ValueError
+            If the path is that of several spacecraft.
+
+        References
+        ----------
+        docs/avoidance.md, corridors.
+        """
 
     def _forbids(self, begins: Floats, ends: Floats) -> Any:
         """Return whether firings (...) from `begins` to `ends` [s] break the requirement: none does."""
@@ -170,28 +191,7 @@ class StateRequirement(Requirement):
         return min(float(margins.min()), float(least.min())), lowest[short], found[short]
 
     def holds(self, path: Path) -> bool:
-        """Return whether a path keeps the requirement at all times, by proof.
-
-        Parameters
-        ----------
-        path : Path
-            Coasts, impulses and burns of constant thrust of one spacecraft.
-
-        Returns
-        -------
-        bool
-            False also where the path touches the surface so closely that rounding decides.  Thrust that
-            varies along an arc, as of thrusters in inertial axes, is judged at samples, without a proof.
-
-        Raises
-        ------
-        ValueError
-            If the path is that of several spacecraft.
-
-        References
-        ----------
-        docs/avoidance.md, corridors.
-        """
+        """Return whether a path keeps the requirement at all times, by proof."""
         arcs = of_one_craft(path).arcs
         if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
             return self._worst(path)[0] >= 0.0
