@@ -90,7 +90,7 @@ CALLS = {
         error=1e-12,
     ),
     "Orbit.eccentric, perigee": inputs(eccentricity=0.2, perigee_altitude=5e5),
-    "Orbit.transition": inputs(self=ORBIT, duration=np.array([[1.0, 2.0]])),
+    "Orbit.transition": inputs(self=ORBIT, duration=np.array([[1.0, 2.0]]), start=5.0),
     "Orbit.coast": inputs(self=ORBIT, state=START, duration=TIMES, start=TIMES),
     "Orbit.transfer": inputs(
         self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES, max_acceleration=100.0,
