@@ -136,16 +136,34 @@ COVARIANCE = 'covariance = { position = "1 1 1 m", velocity = "1 1 1 mm/s" }'
         ('model = "j2"', 'model = "j2"\nfield = { zonals = 2 }', "orbit", "remove one"),
         ('do = "reconfigure"', 'do = "reconfigure"\ncost = "delta-v"', "stage[1].cost", "energy"),
         ('drift = "24 h"', 'drift = "forever"', "orbit.chief", "24 h"),
-        ("keep_out =", f"{COVARIANCE}\nkeep_out =", "craft.covariance", "margin"),
+        ("keep_out =", 'execution = { pointing = "1 deg" }\nkeep_out =', "craft.execution", "magnitude"),
+        ('within = "0.25 orbits"', 'within = "0.25 orbits"\nsigmas = 3', "stage[1].sigmas", "margin"),
         ('do = "coast"\nfor = "1 orbit"', SCATTER, "stage[2].do", "reconfigure"),
     ],
 )
 def test_what_does_not_hold_beside_a_chief_is_refused_in_one_line(old, new, place, remedy):
-    text = J2.replace(old, new)
-    assert text != J2
+    uncertain = J2.replace("keep_out =", f"{COVARIANCE}\nkeep_out =")
+    text = uncertain.replace(old, new)
+    assert text != uncertain
     with pytest.raises(ScenarioError) as error:
         parse(text)
     assert any(place in line and remedy in line for line in error.value.lines), error.value.lines
+
+
+def test_stages_beside_a_chief_state_their_clearance_in_sigmas(tmp_path):
+    """Errors of the first stage are carried into the second, about the chief and not in Hill's equations."""
+    text = J2.replace("keep_out =", f'{COVARIANCE}\nhard_body = "5 m"\nkeep_out =')
+    (tmp_path / "one.toml").write_text(text)
+    mission = cf.run(tmp_path / "one.toml")
+    first, second = mission.results
+    state = np.diag([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
+    errors = [cf.Uncertainty(state) for _ in range(2)]
+    whole = [cf.join([first.after.paths[k], second.after.paths[k]]) for k in range(2)]
+    expected = cf.clearance_in_sigmas(*whole, cf.Sphere(10.0), *errors).sigmas
+    pairs = [pair for one in mission.results for pair in one.uncertain.bodies.pairs]
+    found = min(pair.sigmas for pair in pairs if {pair.first, pair.second} == {"F1", "F2"})
+    assert found == pytest.approx(expected, rel=1e-6)
+    assert 1.0 < expected < 100.0
 
 
 def test_a_model_needs_a_chief():

@@ -359,8 +359,11 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
             yield f"{key}: {only}; remove it, or the model"
     if any(craft.start is not None and not craft.start.inertially for craft in scenario.craft):
         yield f"craft.start: a relative orbit {only}; give position and velocity, inertial or oem"
-    if scenario.uncertain:
-        yield f"craft.covariance, craft.execution: {only}; remove them, and give a margin to the stages"
+    if any(
+        one.execution is not None and (one.execution.pointing or one.execution.noise)
+        for one in scenario.craft
+    ):
+        yield f"craft.execution: pointing errors and noise {only}; remove them, or enlarge magnitude"
     for number, stage in enumerate(scenario.stages, 1):
         place = f"stage[{number}]"
         if stage.searches or stage.verb in ("scatter", "regather"):
@@ -370,6 +373,8 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
                 yield f"{place}.{key}: a relative orbit {only}; give position and velocity"
         if getattr(stage, "follow", ()):
             yield f"{place}.follow: {only}; give burns"
+        if isinstance(stage, Avoid | Joint) and stage.sigmas is not None and scenario.uncertain:
+            yield f"{place}.sigmas: plans at k sigma {only}; remove it, and give a margin"
         if isinstance(stage, Avoid | Joint) and stage.cost == "delta-v":
             yield f'{place}.cost: "delta-v" with zones {only}; write cost = "energy", or use transfer'
         if isinstance(stage, Avoid) and not stage.is_exact:

@@ -39,7 +39,7 @@ class NoThrust(Requirement):
         if not self.start < self.end:
             raise ValueError(f"end: must be after start, got {self.start} to {self.end} s")
 
-    def holds(self, path: Path) -> bool:
+    def _holds(self, path: Path) -> bool:
         """Return whether a path does not fire in this time."""
         arcs = path.arcs
         impulses, burns = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1), arcs[:, PUSH : PUSH + 3].any(axis=1)

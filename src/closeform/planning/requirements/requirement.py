@@ -50,7 +50,6 @@ class Requirement(ABC):
     unit = "m"  # of the margin
     reserve = 1e-4
 
-    @abstractmethod
     def holds(self, path: Path) -> bool:
         """Return whether a path keeps the requirement at all times, by proof.
 
@@ -74,6 +73,11 @@ class Requirement(ABC):
         ----------
         docs/avoidance.md, corridors.
         """
+        return self._holds(path)
+
+    @abstractmethod
+    def _holds(self, path: Path) -> bool:
+        """Return `holds` of a path."""
 
     def _forbids(self, begins: Floats, ends: Floats) -> Any:
         """Return whether firings (...) from `begins` to `ends` [s] break the requirement: none does."""
@@ -190,8 +194,8 @@ class StateRequirement(Requirement):
         short = least < self.reserve
         return min(float(margins.min()), float(least.min())), lowest[short], found[short]
 
-    def holds(self, path: Path) -> bool:
-        """Return whether a path keeps the requirement at all times, by proof."""
+    def _holds(self, path: Path) -> bool:
+        """Return `holds` of a path."""
         arcs = of_one_craft(path).arcs
         if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
             return self._worst(path)[0] >= 0.0
