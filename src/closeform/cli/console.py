@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 WIDTH = 100  # columns of a terminal's output
 # control characters except tabs and line ends; the last ranges change the writing direction
 CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+NO_BREAK = "\N{NO-BREAK SPACE}"
 EVERY = 30.0  # [s] between progress lines without a terminal
 UNBROKEN = 100_000  # columns without a terminal, so that no line is wrapped for programs and files
 
@@ -207,6 +208,12 @@ def show(console: "Console", shown: "Table") -> None:
     console.print(table)
 
 
+def wrapped(text: str) -> list[str]:
+    """Return the lines of a text, indented after the first and without a break between quotation marks."""
+    whole = re.sub('"[^"]*"', lambda quoted: quoted[0].replace(" ", NO_BREAK), text)
+    return [line.replace(NO_BREAK, " ") for line in textwrap.wrap(whole, WIDTH, subsequent_indent="  ")]
+
+
 def print_report(report: "RunReport | CommandReport | StudyReport", place: Path) -> None:
     """Print the sections of a report, its warnings, hints and verdict, and the place of its results."""
     console = stdout()
@@ -224,7 +231,7 @@ def print_report(report: "RunReport | CommandReport | StudyReport", place: Path)
         put(console, line, soft_wrap=True)
     end = f"{report.verdict}; "
     if len(end) > WIDTH and report.wraps:
-        say(console, *textwrap.wrap(str(report.verdict), WIDTH, subsequent_indent="  "))
+        say(console, *wrapped(str(report.verdict)))
         end = ""
     put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path
 
