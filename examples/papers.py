@@ -1,6 +1,6 @@
 """Reproduce the figures and numbers of the three source papers.
 
-    python examples/papers.py sp11            # or s04, or h03; default: all three, into the folder "papers"
+    python examples/papers.py sp11            # or s04, or h03; default: all three, into "papers-results"
 
 Each prints the paper's numbers beside closeform's, and saves a picture of each figure. docs/papers.md has the
 references, and the items in which results differ.
@@ -15,7 +15,7 @@ import numpy as np
 import closeform as cf
 
 HERE = Path(__file__).parent
-FOLDER = Path("papers")
+FOLDER = Path("papers-results")
 DEGREE = np.pi / 180
 COLUMNS = "{:<52} {:>16} {:>16}"
 
