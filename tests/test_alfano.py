@@ -34,6 +34,7 @@ def probability(number, **options):
 
 # of the two objects inside at the start of these cases, which entries do not count
 BEGIN_INSIDE = {9, 11, 12}
+CIRCULAR = {5, 6, 7, 8}
 
 
 @pytest.mark.parametrize("number", CASES)
@@ -41,7 +42,8 @@ def test_all_cases_agree_with_published_figures(number):
     """Entries agree to 0.1 %, and the Monte Carlo of 1e8 trials within its interval."""
     case, (found, figure) = CASES[number], probability(number)
     assert figure.mean_entries == pytest.approx(case["entries"], rel=1e-3)
-    assert figure.high - figure.low < 3e-3 * figure.value
+    width = 2e-3 if number in CIRCULAR else 3e-3  # of the confidence interval
+    assert figure.high - figure.low < width * figure.value
     assert found.warnings == ()
     if number in BEGIN_INSIDE:
         assert figure.at_start > 0.2 * figure.mean_entries

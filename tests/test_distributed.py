@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from closeform.planning.methods.sequential import by_messages
 from closeform.planning.request import Request
-from closeform.planning.sequential import by_messages
 from formations import DEEP_SPACE, LOW_ORBIT, reconfiguration
 
 TASKS = [

@@ -253,6 +253,12 @@ def test_near_field_radius_against_the_cone():
         [7.5, 7.5 * cos(LIMIT), 0.0]
     )
     assert S04.near_field_radius(0.0) == 0.0
+    heights = np.array(
+        [20.0, 40.0, 60.0, 80.0]
+    )  # where its side is the cone's edge, 25 + 70 deg above the plane
+    widths = [brentq(lambda a, h=h: own_cone(h, a, LIMIT, 7.5, radians(70)), 0.0, 7.5) for h in heights]
+    np.testing.assert_allclose(H03.near_field_radius(heights), widths, atol=1e-6)
+    np.testing.assert_allclose(widths, (H03.near_field - heights) * np.tan(radians(5)), atol=1e-6)
 
 
 def test_relaxed_sun_limit():

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 import closeform as cf
+from closeform.planning.methods.sequential import by_messages
 from closeform.planning.request import Request
-from closeform.planning.sequential import by_messages
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 

@@ -1,6 +1,6 @@
 """Constructions of the source papers themselves, to compare with: S04's search theorem, SP11's gradients."""
 
-from closeform.planning.sauter_palmer import end_gradients
+from closeform.planning.methods.sauter_palmer import end_gradients
 from closeform.search.proofs.theorem import (
     TheoremCase,
     cone_crossings,

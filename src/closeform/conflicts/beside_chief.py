@@ -28,7 +28,7 @@ from closeform._jit import kernel
 from closeform.conflicts.pair_search import conflicts_from
 from closeform.conflicts.quick_rejection import OFF_CHORD, count_near
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
-from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, changes, cut, value_at
+from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, changes, cut, keep_piece, value_at
 from closeform.motion.chief.clock import time_at
 from closeform.motion.chief.segments import (
     BEGIN,
@@ -120,12 +120,7 @@ def slack(errors, k, z, count, matrix, c, out):
 def keep(c, low, high, left):
     """Replace polynomials `c` (3, TERMS) by their pieces over [low, high]."""
     for axis in range(3):
-        if high < 1.0:
-            cut(c[axis], TERMS, high, left)
-            for b in range(TERMS):
-                c[axis, b] = left[b]
-        if low > 0.0:
-            cut(c[axis], TERMS, low / high if high > 0.0 else 0.0, left)
+        keep_piece(c[axis], low, high, left)
 
 
 @kernel()

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, WIDTH
 from closeform.motion.chief_orbit import ChiefOrbit
-from closeform.motion.ends import arcs_between
+from closeform.motion.construction.ends import arcs_between
 from closeform.motion.minimum_delta_v.constant_primers import constant_bounds
 from closeform.motion.minimum_delta_v.impulses import answers
 from closeform.motion.minimum_delta_v.reduced import LOWER, PRIMER, UNIQUE, UPPER

@@ -19,12 +19,12 @@ from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
+from closeform.motion.construction.ends import arcs_between
+from closeform.motion.construction.sampling import nodes_of
 from closeform.motion.duration import MOST_TURNS
-from closeform.motion.ends import arcs_between
 from closeform.motion.minimum_delta_v.reduced import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.path import FORGIVEN, Path, path_of
 from closeform.motion.reference_orbit import ReferenceOrbit
-from closeform.motion.sampling import nodes_of
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
@@ -65,7 +65,7 @@ class ChiefOrbit(ReferenceOrbit):
 
     def _refuse(self, feature: str) -> NoReturn:
         raise ValueError(
-            f"orbit: {feature} holds about a circular orbit only, not about an {self.chief}; take "
+            f"orbit: {feature} holds about a circular orbit only, not about {self.chief}; take "
             f"Orbit.circular, or {SUPPORTED}"
         )
 
@@ -111,12 +111,12 @@ class ChiefOrbit(ReferenceOrbit):
 
     def _within_limit(self, *_: Any) -> Path:
         raise ValueError(
-            f"max_acceleration: a thrust limit holds for circular orbits only, not for an {self.chief}; "
+            f"max_acceleration: a thrust limit holds for circular orbits only, not for {self.chief}; "
             "leave it out and compare peak_thrust of the path, or lengthen the transfer"
         )
 
     def _fixed_inertially(self, arcs: Floats) -> Floats:
-        raise ValueError(f"frame: 'orbit' for an {self.chief}, not 'inertial'; join short burns that turn")
+        raise ValueError(f"frame: 'orbit' for {self.chief}, not 'inertial'; join short burns that turn")
 
     def _through(self, times: ArrayLike, states: ArrayLike) -> Path:
         instants, points = nodes_of(times, states)
@@ -132,7 +132,7 @@ class ChiefOrbit(ReferenceOrbit):
     def _least_impulses(self, arcs: Floats, finals: Floats, thrusters: Thrusters | None) -> Path:
         if thrusters is not None:
             raise ValueError(
-                f"thrusters: hold for circular orbits only, not for an {self.chief}; leave them out"
+                f"thrusters: hold for circular orbits only, not for {self.chief}; leave them out"
             )
         rows = self._departures(arcs)
         plans = [self._fired(row, end, self._least(row, end)) for row, end in zip(rows, finals, strict=True)]
@@ -167,7 +167,7 @@ class ChiefOrbit(ReferenceOrbit):
         answer, segments = self._answer(arc, final)
         if not answer[UPPER] - answer[LOWER] <= PROVEN * answer[UPPER]:
             raise ValueError(
-                f"duration: no plan of impulses about an {self.chief} is proven to be within {PROVEN:g} "
+                f"duration: no plan of impulses about {self.chief} is proven to be within {PROVEN:g} "
                 f"of the minimum, {answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
             )
         clock = self.chief.table.clock
@@ -226,8 +226,7 @@ class ChiefOrbit(ReferenceOrbit):
     @property
     def _model(self) -> str:
         """Name of the equations of relative motion."""
-        words = str(self.chief)
-        return f"linear motion beside {'an' if words[0] in 'aeiou' else 'a'} {words}"
+        return f"linear motion beside {self.chief}"
 
     @property
     def _column(self) -> float:
@@ -338,7 +337,7 @@ class ChiefOrbit(ReferenceOrbit):
         missed = np.abs(reached[:, :3] - finals[:, :3]).max(axis=1)
         if (missed > FORGIVEN * scale).any():
             raise ValueError(
-                f"duration: {lengths.min():g} s is too short beside an {self.chief}, where rounding would "
+                f"duration: {lengths.min():g} s is too short beside {self.chief}, where rounding would "
                 f"move the end by {missed.max():.2g} m; lengthen the transfer, or use two_impulse"
             )
 

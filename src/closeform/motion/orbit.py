@@ -15,6 +15,8 @@ from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief_orbit import ChiefOrbit
+from closeform.motion.construction.ends import arcs_between
+from closeform.motion.construction.sampling import arcs_through, fired_at_ends
 from closeform.motion.effort import totals
 from closeform.motion.elements.circular import CircularOrbit
 from closeform.motion.elements.elements import ellipse, inertial_from_elements
@@ -24,11 +26,9 @@ from closeform.motion.elements.mean_motion import (
     EARTH_RADIUS,
     mean_motion_from_semi_major_axis,
 )
-from closeform.motion.ends import arcs_between
 from closeform.motion.minimum_delta_v.within_limit import limited
 from closeform.motion.path import Path, evaluate, path_of
 from closeform.motion.reference_orbit import ReferenceOrbit
-from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, shown
 from closeform.motion.arc import PUSH, WIDTH
-from closeform.motion.ends import arcs_between, arcs_from
+from closeform.motion.construction.ends import arcs_between, arcs_from
+from closeform.motion.construction.two_impulse import drifts
 from closeform.motion.path import Path, path_of
-from closeform.motion.two_impulse import drifts
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters

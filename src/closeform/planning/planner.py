@@ -25,13 +25,13 @@ from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_im
 from closeform.planning.energy.side_search import MARGINS, Found
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
 from closeform.planning.limits import FULL, longest, stretched
+from closeform.planning.methods.sauter_palmer import deviated
+from closeform.planning.methods.sequential import by_messages, one_by_one
 from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
 from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak, without_paths
 from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
-from closeform.planning.sauter_palmer import deviated
-from closeform.planning.sequential import by_messages, one_by_one
 from closeform.planning.slots import revised
 from closeform.zones.padding import Short
 

@@ -387,7 +387,7 @@ def check_orbit(orbit: Any, method: str, cost: str, errors: Sequence[Any]) -> An
     for name, (asked, remedy) in refused.items():
         if asked:
             raise ValueError(
-                f"{name}: planned about a circular orbit only, not about an {orbit.chief}; {remedy}"
+                f"{name}: planned about a circular orbit only, not about {orbit.chief}; {remedy}"
             )
     return orbit
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, degrees, isinf, pi, sin
-from typing import Any
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -12,7 +12,8 @@ from matplotlib.patches import Circle
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
-from closeform.arrays import finite, instance, number, numbers, positive
+from closeform.arrays import finite, number, numbers, positive
+from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
@@ -61,6 +62,7 @@ JOINS = (  # H03 figure 8: what a lock between craft of two sets does
 )
 
 
+@picture("shapes are wrong")
 def simultaneity(sensor: Sensor, positions: ArrayLike, boresights: ArrayLike) -> Figure:
     """Plot which spacecraft of a plane lock: those that are in each other's cone, S04 and H03 figures 1.
 
@@ -69,29 +71,16 @@ def simultaneity(sensor: Sensor, positions: ArrayLike, boresights: ArrayLike) ->
 
     Parameters
     ----------
-    sensor : Sensor
-        Sensor of each spacecraft.
     positions : array_like of shape (N, 2) [m]
         Positions in the plane.
     boresights : array_like of shape (N,) [rad]
         Directions of the boresights, from the first axis to the second.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If shapes are wrong, or an argument has the wrong type.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figure 1, eqs. 1-2; S04 (Scharf, Ploen, Hadaegh and Sohl 2004)
     figure 1.
     """
-    instance("sensor", sensor, Sensor)
     places, angles = numbers("positions", positions), numbers("boresights", boresights)
     if places.ndim != 2 or places.shape[1] != 2 or angles.shape != places.shape[:1]:
         raise ValueError(
@@ -138,31 +127,19 @@ def simultaneity(sensor: Sensor, positions: ArrayLike, boresights: ArrayLike) ->
     return figure
 
 
+@picture("`shade` is not positive")
 def spacecraft(search: Search, shade: float) -> Figure:
     """Plot the shade, body axes, sensor and sun limit of a spacecraft: S04 and H03 figures 2.
 
     Parameters
     ----------
-    search : Search
-        Search with the sensor and the sun limit.
     shade : float [m]
         Diameter of the sun shade.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `shade` is not positive, or an argument has the wrong type.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figure 2; S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 2.
     """
-    instance("search", search, Search)
     radius = 0.5 * positive("shade", shade)
     sensor, attitude = search.sensor, search.attitude(0.0)
     camera, centre = OBLIQUE, np.zeros(3)
@@ -190,31 +167,17 @@ def spacecraft(search: Search, shade: float) -> Figure:
     return figure
 
 
+@picture("the near field is empty or unbounded")
 def near_field(search: Search) -> Figure:
     """Plot the region that one craft's own cone never covers, along the sun line: H03 figure 6.
 
     The axes have different scales. The dashed lines are the rims of the cone at its highest tips.
 
-    Parameters
-    ----------
-    search : Search
-        Search with an offset sensor, whose tips bound the near field.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If the near field is empty or unbounded, or `search` has the wrong type.
-
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figure 6; docs/theory.md (16).
     """
-    length = instance("search", search, Search).near_field
+    length = search.near_field
     if not 0.0 < length < np.inf:
         why = "unbounded; increase the tip angle" if isinf(length) else "empty; give the sensor an offset"
         raise ValueError(f"search: its near field is {why}")
@@ -242,7 +205,8 @@ def near_field(search: Search) -> Figure:
     return figure
 
 
-def sets(gathering: Gathering, time: float, names: Any = None) -> Figure:
+@picture("`time` is outside the gathering")
+def sets(gathering: Gathering, time: float, names: Sequence[str] | None = None) -> Figure:
     """Plot the sets of a gathering at a time with their velocities: H03 figure 7.
 
     Arrows are velocities relative to the formation set, or to the mean of all before there is one. Spacecraft
@@ -250,28 +214,13 @@ def sets(gathering: Gathering, time: float, names: Any = None) -> Figure:
 
     Parameters
     ----------
-    gathering : Gathering
-        Gathering of any number of spacecraft.
     time : float [s]
         Time from the start of the search, up to the end of the gathering.
-    names : sequence of str, optional
-        Names of the spacecraft.
-
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `time` is outside the gathering, or an argument has the wrong type.
 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figure 7.
     """
-    instance("gathering", gathering, Gathering)
     when = number("time", time)
     if not 0.0 <= when <= gathering.duration:
         raise ValueError(f"time: must be from 0 to {gathering.duration:g} s, got {when:g}")
@@ -311,6 +260,10 @@ def _colour(label: int) -> str:
     return {-1: OTHER, 0: AFTER}.get(int(label), ZONE)
 
 
+@picture(
+    "a shape is wrong, a number is not finite, `reach` is not positive, or the two are at the same position "
+    "anywhere in the picture"
+)
 def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: float) -> Figure:
     """Plot the phase of the first lock for initial positions around a given one, at the same velocity.
 
@@ -319,8 +272,6 @@ def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: fl
 
     Parameters
     ----------
-    search : Search
-        Search of both spacecraft.
     position : array_like of shape (3,) [m]
         Position of B relative to A at the start of the search, in the inertial frame.
     velocity : array_like of shape (3,) [m/s]
@@ -328,22 +279,10 @@ def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: fl
     reach : float [m]
         Largest difference along each axis.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, `reach` is not positive, the two are at the same position
-        anywhere in the picture, or an argument has the wrong type.
-
     References
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) section V; docs/robustness.md.
     """
-    instance("search", search, Search)
     side = positive("reach", reach) * np.linspace(-1.0, 1.0, PIXELS)
     r, v = finite("position", position), finite("velocity", velocity)
     for name, vector in (("position", r), ("velocity", v)):
@@ -371,6 +310,7 @@ def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: fl
     return figure
 
 
+@picture()
 def join_table(gathering: Gathering | None = None) -> Figure:
     """Plot H03's table of joins, with the number of locks of a gathering in each of its nine cases: figure 8.
 
@@ -379,21 +319,11 @@ def join_table(gathering: Gathering | None = None) -> Figure:
     gathering : Gathering, optional
         Gathering whose locks are counted, with those of two spacecraft of one set.
 
-    Returns
-    -------
-    Figure
-        Matplotlib figure; save it with its `savefig` method.
-
-    Raises
-    ------
-    ValueError
-        If `gathering` has the wrong type.
-
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figure 8.
     """
-    counts = None if gathering is None else instance("gathering", gathering, Gathering).join_table
+    counts = None if gathering is None else gathering.join_table
     figure = sheet(3.6)
     axes = figure.subplots()
     axes.set_axis_off()

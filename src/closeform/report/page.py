@@ -339,7 +339,7 @@ class CommandReport:
 
     @property
     def printed(self) -> tuple[Section, ...]:
-        """What the terminal shows."""
+        """Sections that the terminal shows."""
         tables = tuple(replace(one, folded=False) for one in self.tables)
         return (Section("", (*self.opening, *self.lines), tables),)
 

@@ -307,7 +307,7 @@ class RunReport:
 
     @property
     def printed(self) -> tuple[Section, ...]:
-        """What the terminal shows: the opening, the stages, simulations, and the use in the whole mission."""
+        """Sections of the terminal: the opening, stages, simulations, and the use in the whole mission."""
         opening = Section("", (self.mission.scenario.title, self.opening, *self.origin))
         return opening, *self.sections, *self.in_flight, Section("", tables=self.closing)
 

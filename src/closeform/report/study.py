@@ -71,7 +71,7 @@ class StudyReport:
 
     @property
     def printed(self) -> tuple[Section, ...]:
-        """What the terminal shows, with what was sampled for the cases."""
+        """Sections that the terminal shows, with the values that were sampled for the cases."""
         tables = tuple(replace(one, folded=False) for one in self.tables)
         return (Section("", (*self.opening, *draw_lines(self.campaign)), tables),)
 

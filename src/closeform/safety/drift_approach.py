@@ -158,15 +158,15 @@ def _checked_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
 ) -> float:
     """Validate the arguments about a chief that is not on a circle; return the end of the drift."""
+    chief = path.orbit.chief  # type: ignore[attr-defined]
     if not isinstance(failure, ThrustLost) or failing == "both":
         raise ValueError(
-            "failure, failing: only ThrustLost of one spacecraft is judged about an "
-            f"{path.orbit.chief}; failures with several unknowns "  # type: ignore[attr-defined]
-            "are searched about a circular orbit"
+            f"failure, failing: only ThrustLost of one spacecraft is judged about {chief}; failures with "
+            "several unknowns are searched about a circular orbit"
         )
     if not np.isfinite(number("until", until)):
         raise ValueError(
-            f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
+            f"until: must be finite about {chief}, whose drifts have no closed form; give a time"
         )
     return _checked(path, other, zone, until, failure, failing)
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 from closeform.arrays import Floats
 from closeform.exchange.epochs import SYSTEMS, Epoch
 from closeform.motion.chief_orbit import ChiefOrbit
-from closeform.motion.elements.elements import inertial_from_elements
+from closeform.motion.elements.elements import eccentric_latitude, inertial_from_elements
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS
 from closeform.motion.orbit import Orbit
 from closeform.scenario.inputs import Inputs
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from closeform.exchange.chief import Chief
 
 CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are useful
-KEPLER_STEPS = 30
 LATER, SPARE = 4.0, 12.0  # times the requested durations, and orbits, for plans that take longer
 Model = Literal["hill", "kepler", "j2"]
 DEGREES = (0, 2, 3, 4, 5, 6)
@@ -380,9 +379,7 @@ def beside(chief: "Chief", model: Model, radius: float, stages: Sequence[Any]) -
     """Return the motion beside a chief in a `model`; raise ValueError for a chief that it does not suit."""
     a, u, ex, ey, inclination, _ = chief.elements.tolist()
     e, perigee = hypot(ex, ey), atan2(ey, ex)
-    anomaly = u - perigee
-    for _ in range(KEPLER_STEPS):  # Newton's method for the eccentric anomaly
-        anomaly -= (anomaly - e * sin(anomaly) - (u - perigee)) / (1.0 - e * cos(anomaly))
+    anomaly = float(eccentric_latitude(u, ex, ey)) - perigee
     true = 2.0 * atan2(sqrt(1.0 + e) * sin(anomaly / 2.0), sqrt(1.0 - e) * cos(anomaly / 2.0))
     shape = {"semi_major_axis": a, "true_anomaly": true, "mu": chief.mu, "radius": radius}
     if model == "kepler":

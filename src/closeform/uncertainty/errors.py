@@ -296,7 +296,7 @@ class Uncertainty:
             )
         if self.pointing and isinstance(path.orbit, ChiefOrbit) and path.arcs[:, THRUST:].any():
             raise ValueError(
-                "errors: pointing errors of burns are supported about a circular orbit only, not about an "
+                "errors: pointing errors of burns are supported about a circular orbit only, not about "
                 f"{path.orbit.chief}; leave `pointing` out, or plan impulses and give `impulse`"
             )
         place, speed = (float(np.sqrt(np.trace(self.state[k : k + 3, k : k + 3]))) for k in (0, 3))
@@ -344,7 +344,7 @@ def beside_chief(path: Path, errors: list[Uncertainty | None]) -> list[Uncertain
         if one is not None and one.noise:
             raise ValueError(
                 "errors: process noise within k sigmas is supported about a circular orbit only, not about "
-                f"an {path.orbit.chief}; leave `noise` out, or use "  # type: ignore[attr-defined]
+                f"{path.orbit.chief}; leave `noise` out, or use "  # type: ignore[attr-defined]
                 'collision_probability with method="bound"'
             )
     return errors

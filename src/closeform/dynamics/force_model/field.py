@@ -15,9 +15,9 @@ from closeform.dynamics.force_model.drag import WIDTH, Drag, air_of, ballistics_
 from closeform.dynamics.force_model.gravity import DEGREES
 from closeform.dynamics.force_model.propagation import TABLEAU, accelerate, propagate_states
 from closeform.exchange.chief import Chief
+from closeform.motion.construction.following import followed
 from closeform.motion.elements.frames import inertial_from_relative, relative_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_J2, checked
-from closeform.motion.following import followed
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 

@@ -149,6 +149,17 @@ def cut(f, count, u, left):
 
 
 @kernel()
+def keep_piece(f, low, high, left):
+    """Replace a polynomial (TERMS,) by its piece over [low, high]; `left` is room."""
+    if high < 1.0:
+        cut(f, TERMS, high, left)
+        for b in range(TERMS):
+            f[b] = left[b]
+    if low > 0.0:
+        cut(f, TERMS, low / high if high > 0.0 else 0.0, left)
+
+
+@kernel()
 def changes(f, count):
     """Return the number of changes of sign of coefficients, without zeros."""
     number, last = 0, 0.0

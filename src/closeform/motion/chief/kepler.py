@@ -223,7 +223,7 @@ class KeplerChief:
         return cls(rate, float(eccentricity), float(s - eccentricity * np.sin(s)))
 
     def __str__(self) -> str:
-        return f"eccentric chief (e = {self.eccentricity:g})"
+        return f"an eccentric chief (e = {self.eccentricity:g})"
 
     @property
     def period(self) -> float:

@@ -76,7 +76,7 @@ class OblateChief:
     osculating: KeplerChief
 
     def __str__(self) -> str:
-        return f"J2-perturbed chief (e = {self.osculating.eccentricity:.3g})"
+        return f"a J2-perturbed chief (e = {self.osculating.eccentricity:.3g})"
 
     @property
     def period(self) -> float:
@@ -247,7 +247,7 @@ class GivenChief:
     error: float
 
     def __str__(self) -> str:
-        return "orbit of a supplied transition matrix"
+        return "an orbit of a supplied transition matrix"
 
     @cached_property
     def table(self) -> Table:

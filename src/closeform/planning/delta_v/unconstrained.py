@@ -7,7 +7,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.ends import arcs_between
+from closeform.motion.construction.ends import arcs_between
 from closeform.motion.minimum_delta_v.impulses import answers
 from closeform.motion.minimum_delta_v.reduced import ANSWER, LOWER
 from closeform.motion.orbit import Orbit

@@ -17,7 +17,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, STATE
-from closeform.motion.two_impulse import start_velocities
+from closeform.motion.construction.two_impulse import start_velocities
 from closeform.planning.problem.problem import Problem
 from closeform.zones.zone import Zone
 

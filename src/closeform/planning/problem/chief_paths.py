@@ -21,7 +21,6 @@ from closeform.motion.chief.segments import (
     BEGIN,
     COLUMN,
     FINISH,
-    LAST,
     WINDOW,
 )
 from closeform.motion.chief.segments import ORIGIN as WINDOW_ORIGIN
@@ -36,7 +35,6 @@ from closeform.planning.problem.pieces import (
     PIECE,
     PLACES,
     columns_back,
-    flow_at,
 )
 from closeform.planning.problem.scene import Contacts, Scene
 
@@ -93,7 +91,7 @@ class ChiefPaths:
         out = np.empty((len(craft), PUSH, 6))
         bounds = np.searchsorted(craft, np.arange(len(self.base) + 1))
         for c, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-            skew = self._skew(segments[last - 1])
+            skew = self.orbit._skew(self.base[c, END])
             adjoint = -inverse[c].T * units[1] / units[0][:, None]
             costates = np.concatenate([adjoint[3:], -adjoint[:3] - rate * skew @ adjoint[3:]])
             columns_back(table.form, segments, first, last, costates / units[1][:, None], out[first:last])
@@ -103,16 +101,6 @@ class ChiefPaths:
     def units_of_columns(self) -> Floats:
         """Units (2, 6) of the table's states [m, m/s] and costates [m/s^2, m/s^3]."""
         return np.repeat(float(self.clock[RATE]) ** np.arange(4.0), 3).reshape(2, 6)
-
-    def _skew(self, segment: Floats) -> Floats:
-        """Return W (3, 3), in units of the clock's rate, at the end of a segment."""
-        table, k = self.orbit.chief.table, int(segment[WINDOW])
-        u = (segment[LAST] - segment[WINDOW_ORIGIN]) / (table.joints[k + 1] - table.joints[k])
-        flow, response = np.empty((6, 6)), np.empty((6, 9))
-        flow_at(table.form, k, min(max(u, 0.0), 1.0), flow, response)
-        back = np.linalg.inv(flow)[:, :3]
-        found = back[:3].T @ table.skew(k) @ back[:3] + back[:3].T @ back[3:] - back[3:].T @ back[:3]
-        return np.asarray(0.5 * (found - found.T))
 
     def _spans(self, segments: Floats) -> Floats:
         """Return segments as pieces without coefficients (S, 4)."""

@@ -224,9 +224,3 @@ def columns_back(table, segments, first, last, costates, out):
         for i in range(6):
             for j in range(6):
                 out[q - first, i, j], out[q - first, 6 + i, j] = states[i, j], ends[i, j]
-
-
-@kernel(void(TABLE, int64, float64, float64[:, ::1], float64[:, ::1]))
-def flow_at(table, k, u, flow, response):
-    """Fill Phi (6, 6) and [R, G] (6, 9) from the beginning of window k to u."""
-    blocks_at(table[3], k, u, flow, response, np.empty(TERMS))

@@ -126,6 +126,7 @@ CLASSES = {  # results and objects of this package, each with the words for it
     "ThrusterFiring": "Result of `fire_thrusters`.",
     "Simulation": "Result of `simulate`.",
     "Tube": "Tracking-error tube predicted by `tube`.",
+    "Sensor": "Sensor of each spacecraft.",
     "Search": "Search to draw.",
     "Gathering": "Gathering to draw.",
 }

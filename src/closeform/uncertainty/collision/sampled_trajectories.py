@@ -486,7 +486,7 @@ def noise_step(path: Path, other: Path, noise: float, zone: Zone) -> float | Non
         return None
     if isinstance(path.orbit, ChiefOrbit):
         raise ValueError(
-            f"errors: process noise is sampled about a circular orbit only, not about an {path.orbit.chief}; "
+            f"errors: process noise is sampled about a circular orbit only, not about {path.orbit.chief}; "
             'use method="bound"'
         )
     n, span = path.orbit.mean_motion, min(path.end, other.end) - max(path.start, other.start)

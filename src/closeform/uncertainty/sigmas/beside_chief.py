@@ -25,7 +25,7 @@ from numba import float64, int64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
-from closeform.motion.chief.bernstein import TERMS, cut, value_at
+from closeform.motion.chief.bernstein import TERMS, keep_piece, value_at
 from closeform.motion.chief.clock import times_at
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance_propagation import compress
@@ -88,11 +88,7 @@ def projected(tube, window, off, low, high, lines, left):
         for b in range(TERMS):
             left[0, b] = x * window[j, b, 0] + y * window[j, b, 1] + z * window[j, b, 2]
             most = max(most, abs(left[0, b]))
-        if high < 1.0:
-            cut(left[0], TERMS, high, left[1])
-            left[0] = left[1]
-        if low > 0.0:
-            cut(left[0], TERMS, low / high, left[1])
+        keep_piece(left[0], low, high, left[1])
         wrong = abs(x) * off[j, 0] + abs(y) * off[j, 1] + abs(z) * off[j, 2] + SHORT * 2.2e-16 * most
         for b in range(TERMS):
             if j == 0:
@@ -182,11 +178,7 @@ def holds_inside(tube, window, u, k, columns, lines, low, high, left):
             length += z * value_at(column[:, 2], TERMS, u)[0]
             for b in range(TERMS):
                 left[0, b] -= share * length * column[b, i]
-        if high < 1.0:
-            cut(left[0], TERMS, high, left[1])
-            left[0] = left[1]
-        if low > 0.0:
-            cut(left[0], TERMS, low / high, left[1])
+        keep_piece(left[0], low, high, left[1])
         for b in range(TERMS):
             lines[i, b] = left[0, b]
     for b in range(TERMS):

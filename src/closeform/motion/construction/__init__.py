@@ -1,0 +1,1 @@
+"""Construction of arcs: from states and times, between two states, and through samples."""

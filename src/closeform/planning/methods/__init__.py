@@ -1,0 +1,1 @@
+"""Methods of planning beside the joint optimum: craft by craft, by messages, and that of SP11."""
