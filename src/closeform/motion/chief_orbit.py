@@ -248,7 +248,7 @@ class ChiefOrbit(ReferenceOrbit):
     def _within(self, begin: float, end: float, first: float, last: float) -> None:
         if begin < first or end > last:
             raise ValueError(
-                f"start, duration: times from {begin:g} to {end:g} s are beyond those of the {self.chief}, "
+                f"start, duration: times from {begin:g} to {end:g} s are beyond those of {self.chief}, "
                 f"{first:g} to {last:g} s; make the orbit with a longer span"
             )
 

@@ -166,7 +166,7 @@ def _checked_beside_chief(
         )
     if not np.isfinite(number("until", until)):
         raise ValueError(
-            f"until: must be finite about {chief}, whose drifts have no closed form; give a time"
+            f"until: must be finite about {chief}; only drifts about a circular orbit are proven for ever"
         )
     return _checked(path, other, zone, until, failure, failing)
 
