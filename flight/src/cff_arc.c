@@ -1,0 +1,242 @@
+/*
+ * Arcs and paths: states, thrust, and what a view needs of them (closeform/motion/arc.py, path.py).
+ */
+#include <math.h>
+
+#include "cff_internal.h"
+
+typedef char cfi_arc_is_thirty_doubles[(sizeof(cff_arc_t) == (30U * sizeof(double))) ? 1 : -1];
+
+#define JOINT 1.0e-9      /* of the size of the numbers: what two arcs may differ by where they meet */
+#define CFF_NIL_M 1.0e-12 /* a joint that is no joint */
+
+/* Finite and of a size whose squares do not overflow; not so of nan. */
+bool cfi_finite(const double numbers[], uint32_t count)
+{
+    bool good = true;
+    for (uint32_t k = 0U; k < count; k++) {
+        if (!(fabs(numbers[k]) <= CFF_LARGEST)) {
+            good = false;
+        }
+    }
+    return good;
+}
+
+bool cfi_state_finite(const cff_state_t *state)
+{
+    return cfi_finite(state->position_m, 3U) && cfi_finite(state->velocity_m_s, 3U);
+}
+
+static bool any(const double v[3]) { return (v[0] != 0.0) || (v[1] != 0.0) || (v[2] != 0.0); }
+
+/* Whether an optimal thrust acts along the arc. */
+static bool has_primer(const cff_arc_t *arc) { return any(arc->thrust_m_s2) || any(arc->thrust_rate_m_s3); }
+
+/* Whether the push turns or bends: beyond its value and its rate. */
+static bool push_bends(const cff_arc_t *arc) { return any(arc->push_bend_m_s4) || any(arc->push_twist_m_s5); }
+
+/* Whether another thrust acts along the arc. */
+static bool pushes(const cff_arc_t *arc)
+{
+    return any(arc->push_m_s2) || any(arc->push_rate_m_s3) || push_bends(arc);
+}
+
+bool cfi_thrusts(const cff_arc_t *arc) { return has_primer(arc) || pushes(arc); }
+
+/* Whether the position is a cubic of time, as in deep space, where thrust does not bend. */
+bool cfi_is_cubic(const cff_arc_t *arc)
+{
+    return (arc->mean_motion_rad_s == 0.0) && !any(arc->push_rate_m_s3) && !push_bends(arc);
+}
+
+/* State at time t, absolute, within the arc. */
+void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out)
+{
+    const double dt = t - arc->start_s;
+    const double n = arc->mean_motion_rad_s;
+    if (dt != 0.0) {
+        double p[3];
+        cfi_oscillation(n, dt, p);
+        cfi_coast(n, dt, p, arc->state.position_m, arc->state.velocity_m_s, out);
+        if (cfi_thrusts(arc)) {
+            cfi_transforms_t k;
+            cfi_transforms(n, dt, &k);
+            if (has_primer(arc)) {
+                cfi_add_driven(n, dt, &k, arc->thrust_m_s2, arc->thrust_rate_m_s3, out);
+            }
+            if (pushes(arc)) {
+                cfi_add_pushed(n, dt, &k, arc, out);
+            }
+        }
+    } else {
+        for (uint32_t i = 0U; i < 3U; i++) {
+            out->r[i] = arc->state.position_m[i];
+            out->v[i] = arc->state.velocity_m_s[i];
+        }
+    }
+}
+
+/* Optimal thrust and its rate at time t: itself a natural motion. */
+static void primer(const cff_arc_t *arc, double t, cfi_motion_t *out)
+{
+    double p[3];
+    const double dt = t - arc->start_s;
+    cfi_oscillation(arc->mean_motion_rad_s, dt, p);
+    cfi_coast(arc->mean_motion_rad_s, dt, p, arc->thrust_m_s2, arc->thrust_rate_m_s3, out);
+}
+
+/* The push at time t and its first three derivatives. */
+static void push(const cff_arc_t *arc, double t, double out[4][3])
+{
+    const double n = arc->mean_motion_rad_s;
+    const double dt = t - arc->start_s;
+    double p[3];
+    cfi_oscillation(n, dt, p);
+    const double c = 1.0 - (n * n * p[1]);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        const double bend = arc->push_bend_m_s4[i];
+        const double twist = arc->push_twist_m_s5[i];
+        const double rate = arc->push_rate_m_s3[i];
+        out[0][i] = arc->push_m_s2[i] + (rate * dt) + (bend * p[1]) + (twist * p[2]);
+        out[1][i] = rate + (bend * p[0]) + (twist * p[1]);
+        out[2][i] = (bend * c) + (twist * p[0]);
+        out[3][i] = (twist * c) - (n * n * bend * p[0]);
+    }
+}
+
+/* Take a motion one derivative on, under an optimal thrust u and a push f. */
+static void derive(double n, cfi_motion_t *m, const double u[3], const double f[3])
+{
+    double a[3];
+    cfi_accelerate(n, m->r, m->v, a);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        m->r[i] = m->v[i];
+        m->v[i] = a[i] + u[i] + f[i];
+    }
+}
+
+/* Add `sign` times the first `order` derivatives of the position at time t. */
+void cfi_add_derivatives(const cff_arc_t *arc, double t, uint32_t order, double sign, double out[CFF_ORDER][3])
+{
+    static const double nothing[3] = {0.0, 0.0, 0.0};
+    const double n = arc->mean_motion_rad_s;
+    const bool pushed = pushes(arc);
+    cfi_motion_t m;
+    cfi_motion_t u = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    double f[4][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    cfi_state(arc, t, &m);
+    if (has_primer(arc)) {
+        primer(arc, t, &u);
+    }
+    if (pushed) {
+        push(arc, t, f);
+    }
+    for (uint32_t k = 0U; k < order; k++) {
+        for (uint32_t i = 0U; i < 3U; i++) {
+            out[k][i] += sign * m.r[i];
+        }
+        derive(n, &m, u.r, f[0]);
+        derive(n, &u, nothing, nothing);
+        for (uint32_t i = 0U; pushed && (i < 3U); i++) {
+            const double bend = f[2][i];
+            f[0][i] = f[1][i];
+            f[1][i] = bend;
+            f[2][i] = f[3][i];
+            f[3][i] = -n * n * bend;
+        }
+    }
+}
+
+/* The arc in which the motion goes on after time t: by halves, at most 32 of them. */
+uint32_t cfi_locate(const cff_path_t *path, double t)
+{
+    uint32_t first = 0U;
+    uint32_t last = path->count;
+    for (uint32_t k = 0U; (k < 32U) && ((last - first) > 1U); k++) {
+        const uint32_t middle = first + ((last - first) / 2U);
+        if (path->arcs[middle].start_s <= t) {
+            first = middle;
+        } else {
+            last = middle;
+        }
+    }
+    return first;
+}
+
+/* Whether an arc goes on from where the one before it ends. */
+static bool joins(const cff_arc_t *before, const cff_arc_t *arc)
+{
+    const double duration = before->end_s - before->start_s;
+    cfi_motion_t m;
+    double size = 0.0;
+    double off = 0.0;
+    cfi_state(before, before->end_s, &m);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        size = cfi_max(size, cfi_max(fabs(m.r[i]), fabs(m.v[i]) * duration));
+        size = cfi_max(size, fabs(arc->state.velocity_m_s[i]) * (arc->end_s - arc->start_s));
+        off = cfi_max(off, fabs(m.r[i] - arc->state.position_m[i]));
+    }
+    return (off <= ((2.0 * JOINT * size) + CFF_NIL_M)) && (fabs(arc->start_s - before->end_s) <= (JOINT * duration));
+}
+
+cff_status_t cff_check_path(const cff_path_t *path)
+{
+    cff_status_t status = ((path->count > 0U) && (path->count <= CFF_MOST_ARCS)) ? CFF_OK : CFF_BAD_INPUT;
+    for (uint32_t k = 0U; (k < path->count) && (status == CFF_OK); k++) {
+        const cff_arc_t *arc = &path->arcs[k];
+        const double duration = arc->end_s - arc->start_s;
+        bool good = cfi_finite(&arc->start_s, 3U) && cfi_finite(arc->impulse_m_s, 3U) && cfi_state_finite(&arc->state);
+        good = good && cfi_finite(arc->thrust_m_s2, 3U) && cfi_finite(arc->thrust_rate_m_s3, 3U);
+        good = good && cfi_finite(arc->push_m_s2, 3U) && cfi_finite(arc->push_rate_m_s3, 3U);
+        good = good && cfi_finite(arc->push_bend_m_s4, 3U) && cfi_finite(arc->push_twist_m_s5, 3U);
+        good = good && (duration >= CFF_SHORTEST_S) && (arc->mean_motion_rad_s >= 0.0);
+        good = good && ((arc->mean_motion_rad_s * duration) <= CFF_LARGEST_ANGLE_RAD);
+        if (good && (k > 0U)) {
+            good = joins(&path->arcs[k - 1U], arc);
+        }
+        if (!good) {
+            status = CFF_BAD_INPUT;
+        }
+    }
+    return status;
+}
+
+/* A time in a path, or the nearest. */
+static double within(const cff_path_t *path, double t)
+{
+    return cfi_min(cfi_max(t, path->arcs[0].start_s), path->arcs[path->count - 1U].end_s);
+}
+
+cff_status_t cff_state_at(const cff_path_t *path, double time_s, cff_state_t *state)
+{
+    cff_status_t status = CFF_BAD_INPUT;
+    if ((path->count > 0U) && cfi_finite(&time_s, 1U)) {
+        cfi_motion_t m;
+        const double t = within(path, time_s);
+        cfi_state(&path->arcs[cfi_locate(path, t)], t, &m);
+        for (uint32_t i = 0U; i < 3U; i++) {
+            state->position_m[i] = m.r[i];
+            state->velocity_m_s[i] = m.v[i];
+        }
+        status = CFF_OK;
+    }
+    return status;
+}
+
+cff_status_t cff_thrust_at(const cff_path_t *path, double time_s, double thrust_m_s2[3])
+{
+    cff_status_t status = CFF_BAD_INPUT;
+    if ((path->count > 0U) && cfi_finite(&time_s, 1U)) {
+        cfi_motion_t u;
+        double f[4][3];
+        const double t = within(path, time_s);
+        const cff_arc_t *arc = &path->arcs[cfi_locate(path, t)];
+        primer(arc, t, &u);
+        push(arc, t, f);
+        for (uint32_t i = 0U; i < 3U; i++) {
+            thrust_m_s2[i] = u.r[i] + f[0][i];
+        }
+        status = CFF_OK;
+    }
+    return status;
+}

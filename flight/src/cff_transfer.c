@@ -1,0 +1,230 @@
+/*
+ * Natural motion and energy-optimal transfer (closeform/motion/steering.py, linear.py, effort.py).
+ *
+ * The optimal thrust is a natural motion itself, fixed by its start and start rate.  The response to
+ * those six numbers is well conditioned down to n = 0; it is solved for, and once more on what is left.
+ */
+#include <math.h>
+
+#include "cff_internal.h"
+
+#define SIX 6U
+#define REFINEMENTS 2U
+
+/* The state reached from rest under each unit thrust (columns 0-2) and unit thrust rate (3-5). */
+static void response(double n, double t, double matrix[SIX][SIX])
+{
+    cfi_transforms_t k;
+    cfi_transforms(n, t, &k);
+    for (uint32_t j = 0U; j < SIX; j++) {
+        cfi_motion_t m = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        double u[3] = {0.0, 0.0, 0.0};
+        double w[3] = {0.0, 0.0, 0.0};
+        if (j < 3U) {
+            u[j] = 1.0;
+        } else {
+            w[j - 3U] = 1.0;
+        }
+        cfi_add_driven(n, t, &k, u, w, &m);
+        for (uint32_t i = 0U; i < 3U; i++) {
+            matrix[i][j] = m.r[i];
+            matrix[i + 3U][j] = m.v[i];
+        }
+    }
+}
+
+/* Scale columns, of very different units, and rows to a greatest number of 1. */
+static bool scale(double matrix[SIX][SIX], double rhs[SIX], double columns[SIX])
+{
+    bool good = true;
+    for (uint32_t j = 0U; j < SIX; j++) {
+        double largest = 0.0;
+        for (uint32_t i = 0U; i < SIX; i++) {
+            largest = cfi_max(largest, fabs(matrix[i][j]));
+        }
+        good = good && (largest > 0.0) && (largest <= CFF_LARGEST);
+        columns[j] = good ? (1.0 / largest) : 0.0;
+        for (uint32_t i = 0U; i < SIX; i++) {
+            matrix[i][j] *= columns[j];
+        }
+    }
+    for (uint32_t i = 0U; (i < SIX) && good; i++) {
+        double largest = 0.0;
+        for (uint32_t j = 0U; j < SIX; j++) {
+            largest = cfi_max(largest, fabs(matrix[i][j]));
+        }
+        good = (largest > 0.0);
+        if (good) {
+            for (uint32_t j = 0U; j < SIX; j++) {
+                matrix[i][j] /= largest;
+            }
+            rhs[i] /= largest;
+        }
+    }
+    return good;
+}
+
+static void swap(double *a, double *b)
+{
+    const double kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+/* Solve six equations in place by scaled, pivoted elimination; the solution is left in `rhs`. */
+static bool solve(double matrix[SIX][SIX], double rhs[SIX])
+{
+    double columns[SIX];
+    bool good = scale(matrix, rhs, columns);
+    for (uint32_t k = 0U; (k < SIX) && good; k++) {
+        uint32_t pivot = k;
+        for (uint32_t i = k + 1U; i < SIX; i++) {
+            if (fabs(matrix[i][k]) > fabs(matrix[pivot][k])) {
+                pivot = i;
+            }
+        }
+        if (pivot != k) {
+            for (uint32_t j = k; j < SIX; j++) {
+                swap(&matrix[k][j], &matrix[pivot][j]);
+            }
+            swap(&rhs[k], &rhs[pivot]);
+        }
+        good = (matrix[k][k] != 0.0);
+        for (uint32_t i = k + 1U; (i < SIX) && good; i++) {
+            const double factor = matrix[i][k] / matrix[k][k];
+            for (uint32_t j = k + 1U; j < SIX; j++) {
+                matrix[i][j] -= factor * matrix[k][j];
+            }
+            rhs[i] -= factor * rhs[k];
+        }
+    }
+    for (uint32_t left = SIX; (left > 0U) && good; left--) {
+        const uint32_t k = left - 1U;
+        for (uint32_t j = k + 1U; j < SIX; j++) {
+            rhs[k] -= matrix[k][j] * rhs[j];
+        }
+        rhs[k] /= matrix[k][k];
+    }
+    for (uint32_t j = 0U; (j < SIX) && good; j++) {
+        rhs[j] *= columns[j];
+    }
+    return good;
+}
+
+/* The start thrust and thrust rate that take a craft from rest at the origin to `gap`. */
+bool cfi_steer(double n, double t, const double gap[6], double thrust[6])
+{
+    double matrix[SIX][SIX];
+    bool good = true;
+    response(n, t, matrix);
+    for (uint32_t i = 0U; i < SIX; i++) {
+        thrust[i] = 0.0;
+    }
+    for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on what rounding left */
+        double work[SIX][SIX];
+        double rhs[SIX];
+        for (uint32_t i = 0U; i < SIX; i++) {
+            rhs[i] = gap[i];
+            for (uint32_t j = 0U; j < SIX; j++) {
+                rhs[i] -= matrix[i][j] * thrust[j];
+                work[i][j] = matrix[i][j];
+            }
+        }
+        good = solve(work, rhs);
+        for (uint32_t i = 0U; (i < SIX) && good; i++) {
+            thrust[i] += rhs[i];
+        }
+    }
+    return good && cfi_finite(thrust, SIX);
+}
+
+cff_status_t cff_coast(double mean_motion_rad_s, double duration_s, const cff_state_t *state, cff_state_t *later)
+{
+    cff_status_t status = CFF_BAD_INPUT;
+    if ((mean_motion_rad_s >= 0.0) && (fabs(mean_motion_rad_s * duration_s) <= CFF_LARGEST_ANGLE_RAD) &&
+        cfi_finite(&duration_s, 1U) && cfi_state_finite(state)) {
+        double p[3];
+        cfi_motion_t m;
+        cfi_oscillation(mean_motion_rad_s, duration_s, p);
+        cfi_coast(mean_motion_rad_s, duration_s, p, state->position_m, state->velocity_m_s, &m);
+        for (uint32_t i = 0U; i < 3U; i++) {
+            later->position_m[i] = m.r[i];
+            later->velocity_m_s[i] = m.v[i];
+        }
+        status = CFF_OK;
+    }
+    return status;
+}
+
+cff_status_t cff_drift(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
+                       cff_arc_t *arc)
+{
+    const cff_arc_t nothing = {0};
+    const cff_path_t path = {arc, 1U};
+    *arc = nothing;
+    arc->start_s = start_s;
+    arc->end_s = start_s + duration_s;
+    arc->mean_motion_rad_s = mean_motion_rad_s;
+    arc->state = *initial;
+    return cff_check_path(&path);
+}
+
+cff_status_t cff_transfer(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
+                          const cff_state_t *final, cff_arc_t *arc)
+{
+    cff_status_t status = cff_drift(mean_motion_rad_s, start_s, duration_s, initial, arc);
+    if ((status == CFF_OK) && !cfi_state_finite(final)) {
+        status = CFF_BAD_INPUT;
+    }
+    if (status == CFF_OK) {
+        const double t = arc->end_s - arc->start_s;
+        double gap[SIX];
+        double thrust[SIX];
+        cfi_motion_t m;
+        double p[3];
+        cfi_oscillation(mean_motion_rad_s, t, p);
+        cfi_coast(mean_motion_rad_s, t, p, initial->position_m, initial->velocity_m_s, &m);
+        for (uint32_t i = 0U; i < 3U; i++) {
+            gap[i] = final->position_m[i] - m.r[i];
+            gap[i + 3U] = final->velocity_m_s[i] - m.v[i];
+        }
+        if (cfi_steer(mean_motion_rad_s, t, gap, thrust)) {
+            for (uint32_t i = 0U; i < 3U; i++) {
+                arc->thrust_m_s2[i] = thrust[i];
+                arc->thrust_rate_m_s3[i] = thrust[i + 3U];
+            }
+        } else {
+            status = CFF_SINGULAR;
+        }
+    }
+    return status;
+}
+
+cff_status_t cff_energy(const cff_arc_t *arc, double *energy_m2_s3)
+{
+    const cff_path_t path = {arc, 1U};
+    cff_status_t status = cff_check_path(&path);
+    *energy_m2_s3 = 0.0;
+    for (uint32_t i = 0U; i < 3U; i++) {
+        if ((arc->push_m_s2[i] != 0.0) || (arc->push_rate_m_s3[i] != 0.0) || (arc->push_bend_m_s4[i] != 0.0) ||
+            (arc->push_twist_m_s5[i] != 0.0)) {
+            status = CFF_BAD_INPUT;
+        }
+    }
+    if (status == CFF_OK) {
+        /* d(costate . state)/dt = |u|^2, with the state that the thrust alone produces */
+        const double n = arc->mean_motion_rad_s;
+        const double t = arc->end_s - arc->start_s;
+        cfi_transforms_t k;
+        cfi_motion_t m = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        cfi_motion_t u;
+        double p[3];
+        cfi_transforms(n, t, &k);
+        cfi_add_driven(n, t, &k, arc->thrust_m_s2, arc->thrust_rate_m_s3, &m);
+        cfi_oscillation(n, t, p);
+        cfi_coast(n, t, p, arc->thrust_m_s2, arc->thrust_rate_m_s3, &u);
+        const double costate[3] = {(2.0 * n * u.r[1]) - u.v[0], (-2.0 * n * u.r[0]) - u.v[1], -u.v[2]};
+        *energy_m2_s3 = 0.5 * (cfi_dot(costate, m.r) + cfi_dot(u.r, m.v));
+    }
+    return status;
+}

@@ -1,0 +1,141 @@
+/* Batches for the comparison with Python: not part of the core. */
+#include "closeform_flight.h"
+
+/* All conflicts of pairs, with their least norms: rows (pair, start, end, time, ratio); returns the count. */
+int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
+                         const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix,
+                         uint32_t evaluations, double *rows, int64_t capacity, int64_t *evaluations_used, int64_t *status,
+                         int64_t nearest)
+{
+    cff_zone_t zone;
+    int64_t total = 0;
+    zone.shape = (cff_shape_t)shape;
+    for (int i = 0; i < 9; i++) {
+        zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
+    }
+    for (int64_t p = 0; p < pairs; p++) {
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p])};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p])};
+        cff_conflict_search_t search;
+        cff_conflict_t conflicts[64];
+        uint32_t count = 0;
+        cff_status_t s = cff_conflicts_begin(&search, &one, &other, &zone);
+        int64_t calls = 0;
+        if (s == CFF_OK) {
+            do {
+                s = cff_conflicts_continue(&search, evaluations, conflicts, 64, &count);
+                calls++;
+            } while (s == CFF_MORE && calls < 100000);
+        }
+        status[p] = s;
+        evaluations_used[2 * p] = search.evaluations_used;
+        evaluations_used[2 * p + 1] = 0;
+        for (uint32_t k = 0; k < count && total < capacity; k++, total++) {
+            cff_approach_t near = {0, 0, 0, 0};
+            if (nearest) {
+                s = cff_closest_approach(&one, &other, &zone, conflicts[k].start_s, conflicts[k].end_s, 1000000, &near);
+                if (s != CFF_OK) {
+                    status[p] = 100 + s;
+                }
+            }
+            evaluations_used[2 * p + 1] += near.evaluations_used;
+            rows[5 * total] = (double)p;
+            rows[5 * total + 1] = conflicts[k].start_s;
+            rows[5 * total + 2] = conflicts[k].end_s;
+            rows[5 * total + 3] = near.time_s;
+            rows[5 * total + 4] = near.ratio;
+        }
+    }
+    return total;
+}
+
+/* Closest approaches over the common time: (time, ratio) for each pair. */
+void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
+                       const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix,
+                       uint32_t evaluations, double *out, int64_t *evaluations_used, int64_t *status)
+{
+    cff_zone_t zone;
+    zone.shape = (cff_shape_t)shape;
+    for (int i = 0; i < 9; i++) {
+        zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
+    }
+    for (int64_t p = 0; p < pairs; p++) {
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p])};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p])};
+        const double s1 = one.arcs[0].start_s, s2 = other.arcs[0].start_s;
+        const double e1 = one.arcs[one.count - 1].end_s, e2 = other.arcs[other.count - 1].end_s;
+        cff_approach_t near;
+        status[p] = cff_closest_approach(&one, &other, &zone, s1 > s2 ? s1 : s2, e1 < e2 ? e1 : e2, evaluations, &near);
+        out[2 * p] = near.time_s;
+        out[2 * p + 1] = near.ratio;
+        evaluations_used[p] = near.evaluations_used;
+    }
+}
+
+void bridge_transfers(int64_t count, const double *n, const double *start, const double *duration,
+                      const double *initial, const double *final, cff_arc_t *arcs, double *energy, int64_t *status)
+{
+    for (int64_t k = 0; k < count; k++) {
+        status[k] = cff_transfer(n[k], start[k], duration[k], (const cff_state_t *)(initial + 6 * k),
+                                 (const cff_state_t *)(final + 6 * k), &arcs[k]);
+        if (status[k] == CFF_OK) {
+            status[k] = cff_energy(&arcs[k], &energy[k]);
+        }
+    }
+}
+
+void bridge_states(const cff_arc_t *arcs, int64_t count, const double *times, double *out)
+{
+    for (int64_t k = 0; k < count; k++) {
+        const cff_path_t path = {arcs + k, 1};
+        cff_state_t s;
+        (void)cff_state_at(&path, times[k], &s);
+        for (int i = 0; i < 3; i++) {
+            out[6 * k + i] = s.position_m[i];
+            out[6 * k + 3 + i] = s.velocity_m_s[i];
+        }
+    }
+}
+
+void bridge_locks(const double *legs, int64_t leg_count, double baseline, double cosine, double range, int64_t count,
+                  const double *positions, const double *velocities, uint32_t evaluations, double *times, int64_t *found,
+                  int64_t *evaluations_used, int64_t *status)
+{
+    const cff_sensor_t sensor = {baseline, cosine, range};
+    for (int64_t k = 0; k < count; k++) {
+        cff_state_t relative;
+        cff_lock_t lock;
+        for (int i = 0; i < 3; i++) {
+            relative.position_m[i] = positions[3 * k + i];
+            relative.velocity_m_s[i] = velocities[3 * k + i];
+        }
+        status[k] = cff_first_lock((const cff_leg_t *)legs, (uint32_t)leg_count, &sensor, &relative, 0.0, evaluations, &lock);
+        times[k] = lock.time_s;
+        found[k] = lock.leg;
+        evaluations_used[k] = lock.evaluations_used;
+    }
+}
+
+int64_t bridge_search(double rate, double tip, double *legs) { return cff_modified_search(rate, tip, (cff_leg_t *)legs); }
+
+/* Paths shaped around one ellipsoid each: status, count of arcs, extra energy, contact; arcs (2 each). */
+void bridge_avoid(const cff_arc_t *direct, const cff_arc_t *obstacles, int64_t count, const double *matrix, uint32_t evaluations,
+                  cff_arc_t *arcs, double *out, int64_t *status)
+{
+    cff_zone_t zone;
+    zone.shape = CFF_ELLIPSOID;
+    for (int i = 0; i < 9; i++) {
+        zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
+    }
+    for (int64_t k = 0; k < count; k++) {
+        const cff_path_t obstacle = {obstacles + k, 1U};
+        cff_avoidance_t found;
+        status[k] = cff_avoid(direct + k, &obstacle, &zone, evaluations, &found);
+        out[4 * k] = found.count;
+        out[4 * k + 1] = found.extra_energy_m2_s3;
+        out[4 * k + 2] = found.contact_s;
+        out[4 * k + 3] = found.evaluations_used;
+        arcs[2 * k] = found.arcs[0];
+        arcs[2 * k + 1] = found.arcs[1];
+    }
+}
