@@ -19,7 +19,6 @@ from __future__ import annotations
 from math import atan2, ceil, cos, floor, pi, sin
 
 import numpy as np
-from numba import boolean, float64, int64
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
@@ -38,7 +37,7 @@ def capacity(angle: float) -> int:
     return ceil(2.0 * angle / pi) + 4
 
 
-@kernel(inline=True)
+@kernel()
 def distance(a, t):
     """Return one axis's distance function at the angle t, from its eight coefficients `a`.
 
@@ -49,20 +48,20 @@ def distance(a, t):
     return secular + (a[4] + a[6] * t) * cos(t) + (a[5] + a[7] * t) * sin(t)
 
 
-@kernel(inline=True)
+@kernel()
 def slope(a, t):
     c, s = cos(t), sin(t)
     secular = a[1] + t * (2.0 * a[2] + t * 3.0 * a[3])
     return secular + (a[6] + a[5] + a[7] * t) * c + (a[7] - a[4] - a[6] * t) * s
 
 
-@kernel(inline=True)
+@kernel()
 def ellipsoid(d, t):
     """Return SP11 eq. 16, zero on the surface; rows of d in units of the semi-axes."""
     return distance(d[0], t) ** 2 + distance(d[1], t) ** 2 + distance(d[2], t) ** 2 - 1.0
 
 
-@kernel(inline=True)
+@kernel()
 def ellipsoid_slope(d, t):
     return (
         distance(d[0], t) * slope(d[0], t)
@@ -71,7 +70,7 @@ def ellipsoid_slope(d, t):
     )
 
 
-@kernel(inline=True)
+@kernel()
 def value(kind, d, axis, line, t):
     if kind == LINE:
         return distance(d[axis], t) - line
@@ -233,7 +232,6 @@ def distance_functions(arc, other, t, matrix):
     return d
 
 
-@kernel(int64(float64[::1], float64[::1], float64, float64, boolean, float64[:, ::1], float64[:, ::1]))
 def conflicts_of_arcs(arc, other, start, end, box, matrix, spells):
     """Fill in the conflicts (begin, end) of two arcs from `start` to `end`, in seconds; return how many."""
     n = arc[MEAN_MOTION]
