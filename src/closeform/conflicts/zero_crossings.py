@@ -232,13 +232,15 @@ def distance_functions(arc, other, t, matrix):
     return d
 
 
-def conflicts_of_arcs(arc, other, start, end, box, matrix, spells):
+def conflicts_of_arcs(
+    arc: Floats, other: Floats, start: float, end: float, box: bool, matrix: Floats, spells: Floats
+) -> int:
     """Fill in the conflicts (begin, end) of two arcs from `start` to `end`, in seconds; return how many."""
     n = arc[MEAN_MOTION]
     d = distance_functions(arc, other, start, matrix)
     room = len(spells) // 3
     lines, both = np.empty((3, room, 2)), np.empty((3 * room, 2))
-    count = pair_conflicts(d, n * (end - start), box, lines, both, spells)
+    count: int = pair_conflicts(d, n * (end - start), box, lines, both, spells)
     for k in range(count):
         spells[k, 0], spells[k, 1] = start + spells[k, 0] / n, min(start + spells[k, 1] / n, end)
     return count
