@@ -270,9 +270,7 @@ def zero_crossings(path: Path, other: Path, zone: Zone) -> Floats:
     found: list[list[float]] = []
     for begin, end in zip(edges, edges[1:], strict=False):
         spells = np.empty((3 * capacity(path.orbit.mean_motion * (end - begin)), 2))
-        arcs = [
-            one.arcs[np.searchsorted(one.arcs[:, START], begin, side="right") - 1] for one in (path, other)
-        ]
+        arcs = arc_at(path, begin), arc_at(other, begin)
         count = conflicts_of_arcs(*arcs, begin, end, zone.shape == CUBE, zone.matrix, spells)
         for spell in spells[:count].tolist():
             if found and found[-1][1] == begin == spell[0]:  # it goes on from one arc to the next
@@ -282,8 +280,8 @@ def zero_crossings(path: Path, other: Path, zone: Zone) -> Floats:
     return np.array([[*spell, *_minimum(path, other, zone, *spell)] for spell in found]).reshape(-1, 4)
 
 
-def _arc(path: Path, time: float) -> Floats:
-    """Return the row of the arc that begins at a time, or is flown then."""
+def arc_at(path: Path, time: float) -> Floats:
+    """Return the row of a path's arc that begins or goes on at a time."""
     arc: Floats = path.arcs[np.searchsorted(path.arcs[:, START], time, side="right") - 1]
     return arc
 
