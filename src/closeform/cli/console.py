@@ -229,11 +229,11 @@ def print_report(report: "RunReport | CommandReport | StudyReport", place: Path)
     say(console, "", *(f"Warning: {line}" for line in report.printed_warnings))
     for line in report.hint:
         put(console, line, soft_wrap=True)
-    end = f"{report.verdict}; "
+    end = f"{report.verdict}; results in {place}"
     if len(end) > WIDTH and report.wraps:
         say(console, *wrapped(str(report.verdict)))
-        end = ""
-    put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path
+        end = f"results in {place}"
+    put(console, end, soft_wrap=True)  # do not break a path
 
 
 @contextmanager

@@ -121,13 +121,14 @@ class PassiveSafety:
     def asked(self) -> Iterator[Asked]:
         """Requirement of passive safety for the verdict."""
         worst, safe = self.worst, f"passively safe {self.lasting}"
+        also = f", {self.models}" * bool(self.field)  # the verdict names the model of the plan
         if worst is None:
-            yield Asked(f"{safe} ({self.models})", "", True, inf, "drift")
+            yield Asked(safe + also, "", True, inf, "drift")
             return
         more = f" and {len(self.unsafe) - 1} more" * (len(self.unsafe) > 1)
         least = f"{worst.ratio:.4f} x zone{worst.beside}"
         met = f"{worst.fails} with {worst.meets}, {least}{more}, in {worst.model}"
-        kept = f"{safe} (minimum {least}, {self.models})"
+        kept = f"{safe} (minimum {least}{also})"
         doubt = f"not shown: {safe}, {self.doubt}" if self.doubt else ""
         yield Asked(kept, f"not {safe} in {self.where}: {met}", self.safe, worst.ratio, "drift", doubt)
 

@@ -187,16 +187,19 @@ def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
 
 
 def zone_distance(mission: "Mission") -> ZoneDistance | None:
-    """Return the minimum distance of a pair from its zone, with the model error; None if that is unknown."""
-    error = mission_error(mission)
+    """Return the minimum distance of a pair from its zone, with the model error.
+
+    Return None without zones, and with a high-fidelity model, in which the distance is predicted.
+    """
     near = [one for result in mission.flown for one in result.after.approaches]
-    if error is None or not near or mission.flights is not None:
+    if not near or mission.flights is not None or mission.scenario.orbit.field is not None:
         return None
     inner = {zone: zone.inner_radius for zone in {one.zone for one in near}}
     spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # lower bound in any direction
     k = int(np.argmin(spare))
     enlarges = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
-    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), *error[1:], enlarges)
+    error = () if (known := mission_error(mission)) is None else known[1:]
+    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), *error, enlarges=enlarges)
 
 
 def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:

@@ -141,14 +141,15 @@ class Asked:
 class ZoneDistance:
     """Minimum planned `distance` [m] of a `pair` from its keep-out zone, with the model error [m].
 
-    Half of all missions have a model error of at most `expected`, and 95 % of at most `unlikely`.  `enlarges`
-    is True if a stage supports a keep-out margin, which enlarges its zones.
+    Half of all missions have a model error of at most `expected`, and 95 % of at most `unlikely`; both are
+    nan where it is unknown.  `enlarges` is True if a stage supports a keep-out margin, which enlarges its
+    zones.
     """
 
     distance: float
     pair: tuple[str, str]
-    expected: float
-    unlikely: float
+    expected: float = nan
+    unlikely: float = nan
     enlarges: bool = True
 
     @property
@@ -162,13 +163,15 @@ class ZoneDistance:
         return {
             "distance_m": self.distance,
             "pair": list(self.pair),
-            "expected_m": self.expected,
-            "unlikely_m": self.unlikely,
+            "expected_m": None if isnan(self.expected) else self.expected,
+            "unlikely_m": None if isnan(self.unlikely) else self.unlikely,
             "exceeded": self.exceeded,
         }
 
     def __str__(self) -> str:
         words = f"closest distance to a zone {self.distance:.1f} m ({'-'.join(self.pair)})"
+        if isnan(self.unlikely):
+            return words
         error = f"model error (median {metres(self.expected)}, 95th percentile {metres(self.unlikely)})"
         if not self.exceeded:
             return f"{words}, {error}"
@@ -260,8 +263,7 @@ class Verdict:
     - `asked`: further requirements of the stages.
     - `drawn`: whether the paths include the sampled errors of a case.
     - `model`: dynamics of the plan; empty in deep space.
-    - `zone_distance`: minimum distance from a zone, with the model error; None if unknown or with a
-      high-fidelity model.
+    - `zone_distance`: minimum distance from a zone, with the model error; None with a high-fidelity model.
     - `predicted`: minimum clearance ratio in the high-fidelity model `field` of the pairs that are clear as
       planned; None without a prediction.
     - `strict`: whether a model error above that distance is a failure.

@@ -50,7 +50,7 @@ NOTHING = 1e-9  # m/s: rounding error of a plan without burns
 UNIMPROVED = 1e-6  # share of the cost: a bound that does not improve on free paths
 WIDE = 1e-3  # a gap that `prove` may reduce
 TOUCHING = 1.0 + 2e-5  # a clearance ratio up to this covers rounding only
-MOST_CONTACTS = 6  # on one line; more are counted
+MOST_CONTACTS = 4  # on one line; more are counted
 SLOPES = {  # keys of the slopes of a cost, per metre and per scale factor of a zone
     "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
     "delta-v": ("per_metre_1_s", "per_factor_m_s"),
