@@ -438,6 +438,9 @@ class Craft(Engine):
     slew_acceleration: Annotated[float, Reader(TURNING, least="positive")] | None = setting(
         '"0.01 deg/s^2"', "angular acceleration at the beginning and end of turns; by default unlimited"
     )
+    solar_acceleration: Annotated[float, Reader(ACCELERATION, least="zero")] = setting(
+        '"0.0012 mm/s^2"', "acceleration by solar pressure, away from the sun; `lock` only", 0.0
+    )
     silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = setting(
         "false",
         'true for a spacecraft that never locks, or intervals of a search: "10 min to 20 min, 1 h to end"',
@@ -509,7 +512,7 @@ class Craft(Engine):
     def astray(self) -> bool:
         """True if the craft deviates from its commanded search."""
         errors = *self.pointing_error, self.slew_rate_error, self.start_offset, self.silent
-        return any(errors) or self.slew_acceleration is not None
+        return any((*errors, self.solar_acceleration)) or self.slew_acceleration is not None
 
     def known_at(self, state: Floats) -> Self:
         """Return the craft with its initial state (6,), read from a file or from an inertial state."""
@@ -589,6 +592,15 @@ class SensorTable(Table):
         '"7.5 m"', "distance of the sensor from the centre of mass, along the boresight", 0.0
     )
     range: Length | None = setting('"2 km"', "maximum range; by default unlimited")
+    range_error: Deviation = setting(
+        '"2 cm"', "standard deviation of a measured distance, from which `gather` computes burns", 0.0
+    )
+    bearing_error: AngleDeviation = setting(
+        '"0.02 deg"', "standard deviation of a measured direction, about each axis across it", 0.0
+    )
+    fix_interval: Seconds = setting(
+        '"10 s"', "time between the two measurements that give the relative velocity after a lock", 10.0
+    )
 
     def flaws(self) -> Iterator[str]:
         if self.half_angle >= pi:
@@ -598,7 +610,9 @@ class SensorTable(Table):
         """Return the sensor that the table describes."""
         from closeform.search.sensor import Sensor
 
-        return Sensor(self.half_angle, self.offset, inf if self.range is None else self.range)
+        longest = inf if self.range is None else self.range
+        accuracy = self.range_error, self.bearing_error, self.fix_interval
+        return Sensor(self.half_angle, self.offset, longest, *accuracy)
 
 
 class SearchTable(Table):
@@ -621,6 +635,9 @@ class SearchTable(Table):
     )
     max_speed: Speed | None = setting(
         '"12 cm/s"', "largest relative speed, which determines the near-field search"
+    )
+    bearing: bool = setting(
+        "true", "true if hemisphere antennas assign the groups, instead of `group` of [craft]", False
     )
 
     def flaws(self) -> Iterator[str]:
