@@ -244,7 +244,7 @@ class GatherCases(SearchCases):
     @property
     def measured(self) -> Mapping[str, str]:
         """MEASURED if the sensor has measurement errors."""
-        return {} if self.search.sensor.measures_exactly else MEASURED
+        return {} if self.search.sensor._exact else MEASURED
 
     def evaluate(self, first: int, last: int) -> Columns:
         """Return the results of the gatherings of the given cases."""

@@ -71,11 +71,11 @@ class Sensor:
         return 2.0 * self.offset
 
     @property
-    def accuracy(self) -> Floats:
+    def _accuracy(self) -> Floats:
         """Range error [m], bearing error [rad] and time between both fixes [s] (3,)."""
         return np.array([self.range_error, self.bearing_error, self.fix_interval])
 
     @property
-    def measures_exactly(self) -> bool:
+    def _exact(self) -> bool:
         """True if a lock gives the exact relative state."""
         return self.range_error == self.bearing_error == 0.0

@@ -91,7 +91,7 @@ def facts(search: Search, duration: float, attained: SunAngle | None = None) -> 
         ("turn to the start attitude before the search, at most", f"180 deg, {pi / search.slew_rate:.1f} s"),
         ("sky covered by one cone", f"{100 * covered(search, None):.2f} %"),
     ]
-    if not (sensor := search.sensor).measures_exactly:
+    if not (sensor := search.sensor)._exact:
         measured = f"{sensor.range_error:g} m, {degrees(sensor.bearing_error):g} deg"
         rows.append((f"range and bearing errors of two fixes {sensor.fix_interval:g} s apart", measured))
     near = "near field of a craft, never covered by its cone"

@@ -88,7 +88,7 @@ class GatheringProblem:
             self._searching(some, room > 0),
             self._zones,
             *wrong.sampled(sampled),
-            self.search.sensor.accuracy,
+            self.search.sensor._accuracy,
             np.ascontiguousarray(self.fixes[some]),
             np.array([CHOICES[choice] for choice in choices]),
             positions,
@@ -212,7 +212,7 @@ def random_fixes(search: Search, shape: tuple[int, ...], seed: int, case: int) -
     They are normal; (C, 0, 2, 3) for a sensor that measures exactly.
     """
     cases, craft = shape
-    if instance("search", search, Search).sensor.measures_exactly:
+    if instance("search", search, Search).sensor._exact:
         return np.empty((cases, 0, 2, 3))
     from scipy.special import ndtri  # imported late: slow to import
 
