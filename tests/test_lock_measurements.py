@@ -7,7 +7,7 @@ from scipy.stats import kstest
 import closeform as cf
 from closeform.campaign import case_of, evaluated
 from closeform.mission.mission import fly
-from closeform.scenario import parse
+from closeform.scenario import ScenarioError, parse
 from test_knowledge_set_corrections import with_kernel
 
 DEGREE = np.pi / 180
@@ -206,3 +206,67 @@ def test_bearing_in_scenarios():
     for case in (0, 31):
         locks = fly(case_of(scenario, case)).results[0].result.locks
         assert locks.time[0] == campaign.time[case]
+
+
+def test_solar_pressure_in_scenarios():
+    """A run and a study lock along the parabola of the difference, which is zero if both are alike."""
+    text = FIVE.replace('"gather"', '"lock"').replace('name = ["P", "Q", "R", "S", "T"]', 'name = ["P", "Q"]')
+    pushed = 'group = ["A", "B"]\nsolar_acceleration = ["0.02 mm/s^2", "0 mm/s^2"]'
+    text = text.replace('group = ["A", "B", "A", "B", "A"]', pushed)
+    search, scenario = cf.Search.basic(cf.Sensor(70 * DEGREE), 0.25 * DEGREE, 25 * DEGREE), parse(text)
+    columns = evaluated(scenario).kind.evaluate(0, 60)
+    states = np.stack([columns[name] for name in ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")], axis=1)
+    pairs = search, states[:, :3], states[:, 3:]
+    expected, straight = (
+        cf.lock_times(*pairs, cf.SearchErrors(solar_acceleration=[2e-5, 0.0])),
+        cf.lock_times(*pairs),
+    )
+    np.testing.assert_array_equal(columns["time_s"], expected.time)
+    later = straight.time > 0.0
+    assert (expected.time[later] != straight.time[later]).all()
+    case = int(np.nanargmax(expected.time))
+    assert fly(case_of(scenario, case)).results[0].result.locks.time[0] == expected.time[case]
+    alike = parse(text + '"craft.solar_acceleration" = { choice = ["0.02 mm/s^2"] }\n')
+    same = evaluated(alike).kind.evaluate(0, 60)["time_s"]
+    np.testing.assert_allclose(same, straight.time, rtol=0.0, atol=1e-6)
+
+
+REFUSED = {
+    "craft.solar_acceleration: stage 1": ("[sensor]", 'solar_acceleration = "0.02 mm/s^2"\n[sensor]'),
+    "craft.group: search.bearing": ('"25 deg"', '"25 deg"\nbearing = true'),
+    "sensor.bearing_error": ('"0.03 deg"', '"-1 deg"'),
+    "sensor.fix_interval": ('"8 s"', '"0 s"'),
+}
+
+
+@pytest.mark.parametrize("key", REFUSED)
+def test_scenarios_are_refused(key):
+    with pytest.raises(ScenarioError) as error:
+        parse(FIVE.replace(*REFUSED[key]))
+    assert any(key in line for line in error.value.lines)
+
+
+def test_more_than_two_cannot_lock_by_bearings_in_a_study():
+    text = FIVE.replace('group = ["A", "B", "A", "B", "A"]\n', "").replace(
+        '"25 deg"', '"25 deg"\nbearing = true'
+    )
+    with pytest.raises(ScenarioError, match="require two craft"):
+        parse(text.replace('"gather"', '"lock"'))
+    with pytest.raises(ScenarioError, match="pointing errors"):
+        parse(text + '"craft.pointing_error" = { normal = "1 deg" }\n')
+    with pytest.raises(ScenarioError, match="only the first stage"):
+        parse(text.replace("[study]", '[[stage]]\ndo = "gather"\nagain = true\n\n[study]'))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("range_error", -1.0), ("bearing_error", np.nan), ("fix_interval", 0.0)]
+)
+def test_sensor_arguments(name, value):
+    with pytest.raises(ValueError, match=name):
+        cf.Sensor(1.0, **{name: value})
+    pair = [[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]], np.zeros((2, 3))
+    with pytest.raises(ValueError, match="solar_acceleration"):
+        cf.gather(SEARCH, *pair, errors=cf.SearchErrors(solar_acceleration=1e-6))
+    for name in ("seed", "case"):
+        with pytest.raises(ValueError, match=name):
+            cf.gather(SEARCH, *pair, **{name: -1})
