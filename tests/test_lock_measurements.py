@@ -6,6 +6,7 @@ from scipy.stats import kstest
 
 import closeform as cf
 from closeform.campaign import case_of, evaluated
+from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.scenario import ScenarioError, parse
 from test_knowledge_set_corrections import with_kernel
@@ -158,6 +159,17 @@ def test_study_and_its_cases_agree():
     np.testing.assert_array_equal(np.concatenate([one["residual_speed_m_s"] for one in parts]), speeds)
     exact = evaluated(parse(FIVE.replace('range_error = "5 cm"\nbearing_error = "0.03 deg"\n', "")))
     assert "residual_speed_m_s" not in exact.kind.evaluate(0, 1)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_stored_gathering_keeps_its_estimates(tmp_path, capsys):
+    (tmp_path / "five.toml").write_text(FIVE)
+    main(["run", str(tmp_path / "five.toml"), "--case", "7", "--no-viewer", "--out", str(tmp_path / "out")])
+    assert "Error of estimated positions in the formation set" in capsys.readouterr().out
+    loaded = cf.load(tmp_path / "out").results[0].result
+    found = fly(case_of(parse(FIVE), 7)).results[0].result
+    np.testing.assert_array_equal(loaded.estimates, found.estimates)
+    np.testing.assert_allclose(loaded.residual_speeds, found.residual_speeds, rtol=1e-9)
 
 
 def test_groups_by_bearings():

@@ -183,14 +183,9 @@ def errors_of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors
     return _changed(errors, shape, lambda values: values)
 
 
-def errors_of_first_case(errors: SearchErrors) -> SearchErrors:
-    """Return the errors of the craft (N,) in the first of the given cases (C, N)."""
-    return _changed(errors, errors.shape, lambda values: values[0])
-
-
 def errors_of_cases(errors: SearchErrors | None, shape: tuple[int, ...], some: Any) -> SearchErrors | None:
     """Return the errors (C, N) of some cases, by index or slice; those alike in all cases stay."""
-    if errors is None or len(errors.shape) < 2 or (isinstance(some, slice) and some == slice(None)):
+    if errors is None or len(errors.shape) < 2:
         return errors
     return _changed(errors, shape, lambda values: values[some])
 

@@ -541,6 +541,7 @@ def gather_figures(result: Gathered, known: list[bool]) -> dict[str, Any]:
         "total_delta_v_m_s": float(gathering.delta_v.sum()),
         "residual_speed_m_s": formed(gathering.residual_speeds, names),
         "position_error_m": formed(gathering.position_errors, names),
+        "estimate_errors": dict(zip(names, gathering.estimates.tolist(), strict=True)),  # m, m/s
         "sets": [[names[k] for k in some] for some in gathering.sets],
         "lost": [names[k] for k in gathering.lost],
         "adrift": [names[k] for k in gathering.adrift],

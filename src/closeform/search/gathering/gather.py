@@ -50,7 +50,7 @@ from closeform.search.gathering.result import (
 )
 from closeform.search.lock_march import in_parts
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, errors_of_cases, errors_of_first_case
+from closeform.search.search_errors import SearchErrors, errors_of_cases
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
@@ -383,7 +383,7 @@ def gathering(
         ended if done else GatherStatus.INCOMPLETE,
         reason_incomplete(members, lost, begun, adrift=adrift) or None,
         problem.keep_out,
-        None if problem.errors is None else errors_of_first_case(problem.errors),
+        errors_of_cases(problem.errors, (1, len(problem.groups)), 0),
         adrift,
         estimates.reshape(-1, 6),
     )

@@ -149,9 +149,9 @@ class Gathering(Result):
     status: GatherStatus
     reason: str | None
     keep_out: PairZones | None = field(repr=False)
-    errors: SearchErrors | None = field(default=None, repr=False)
-    adrift: tuple[int, ...] = ()
-    estimates: Floats = field(default_factory=lambda: np.zeros((0, 6)), repr=False)
+    errors: SearchErrors | None = field(repr=False)
+    adrift: tuple[int, ...]
+    estimates: Floats = field(repr=False)
 
     @property
     def ok(self) -> bool:
