@@ -99,7 +99,7 @@ def lock_times(
     alike = errors is None or len(instance("errors", errors, SearchErrors).shape) < 2
     times, legs = np.empty(count), np.empty(count, dtype=np.int64)
     every = 0.0 if step is None else positive("step", step)
-    if bearing:
+    if instance("bearing", bearing, bool, np.bool_):
         behind = positions[:, 0] < 0.0
         positions, velocities = (np.where(behind[:, None], -both, both) for both in (positions, velocities))
         errors, alike = errors_of_swapped(errors, behind), errors is None

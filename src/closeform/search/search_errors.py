@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, numbers, shown
+from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform.search.sensor import Sensor
 
 MOST_TURN = pi / 2.0  # rad, bound on a pointing error
@@ -185,7 +185,7 @@ def errors_of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors
 
 def errors_of_cases(errors: SearchErrors | None, shape: tuple[int, ...], some: Any) -> SearchErrors | None:
     """Return the errors (C, N) of some cases, by index or slice; those alike in all cases stay."""
-    if errors is None or len(errors.shape) < 2:
+    if errors is None or len(instance("errors", errors, SearchErrors).shape) < 2:
         return errors
     return _changed(errors, shape, lambda values: values[some])
 

@@ -211,13 +211,12 @@ def random_fixes(search: Search, shape: tuple[int, ...], seed: int, case: int) -
 
     They are normal; (C, 0, 2, 3) for a sensor that measures exactly.
     """
-    cases, craft = shape
+    (cases, craft), seed, first = shape, whole("seed", seed), whole("case", case)
     if instance("search", search, Search).sensor._exact:
         return np.empty((cases, 0, 2, 3))
     from scipy.special import ndtri  # imported late: slow to import
 
-    first = whole("case", case)
-    random = uniform(whole("seed", seed), "fixes", 2 * (craft - 1), first, first + cases)
+    random = uniform(seed, "fixes", 2 * (craft - 1), first, first + cases)
     return np.asarray(ndtri(random[..., :3]).reshape(cases, craft - 1, 2, 3))
 
 
