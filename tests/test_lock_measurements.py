@@ -243,8 +243,10 @@ def test_solar_pressure_in_scenarios():
     np.testing.assert_allclose(same, straight.time, rtol=0.0, atol=1e-6)
 
 
+DRAWN_PUSH = 'ball = "6 cm/s" }\n"craft.solar_acceleration" = { choice = ["0.02 mm/s^2"] }'
 REFUSED = {
     "craft.solar_acceleration: stage 1": ("[sensor]", 'solar_acceleration = "0.02 mm/s^2"\n[sensor]'),
+    "craft.solar_acceleration: stage 1 ": ('ball = "6 cm/s" }', DRAWN_PUSH),
     "craft.group: search.bearing": ('"25 deg"', '"25 deg"\nbearing = true'),
     "sensor.bearing_error": ('"0.03 deg"', '"-1 deg"'),
     "sensor.fix_interval": ('"8 s"', '"0 s"'),

@@ -315,8 +315,10 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         yield from by_bearing(scenario)
     for number, stage in enumerate(scenario.stages, 1):
         if isinstance(stage, Gather):
-            if any(craft.solar_acceleration for craft in scenario.craft):
-                yield f"craft.solar_acceleration: stage {number} gathers on straight lines; remove it"
+            drawn = scenario.study.vary if scenario.study is not None else {}
+            key = "craft.solar_acceleration"
+            if key in drawn or any(scenario.given(key)):
+                yield f"{key}: stage {number} gathers on straight lines; remove it"
             try:
                 repeated_search(plan, 1, table.max_speed)
             except ValueError as error:

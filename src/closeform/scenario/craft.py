@@ -385,7 +385,9 @@ class Craft(Engine):
     """Table [craft]: initial states, engines, zones and errors of the spacecraft."""
 
     name: Name = setting('["F1", "F2"]', "names, of at most 24 characters each", ...)
-    group: Literal["A", "B"] | None = setting('["A", "B"]', "search group; required for `lock` and `gather`")
+    group: Literal["A", "B"] | None = setting(
+        '["A", "B"]', "search group; required for `lock` and `gather` without `bearing`"
+    )
     position: Position | None = setting(
         '["0 0 0 m", "0 100 0 m"]', "initial position; required without `start` or `states`"
     )
