@@ -130,8 +130,8 @@ class Gathering(Result):
     adrift : tuple of int
         Craft of the formation set without the thrust to match its velocity, in a case of a study.
     estimates : array of shape (N, 6) [m, m/s]
-        Error of each craft's estimated state at the end, relative to a reference that its set shares: zero
-        for a sensor without measurement errors.
+        Error of each craft's estimated state at the end, in the inertial frame, relative to a reference that
+        its set shares: zero for a sensor without measurement errors.
     """
 
     search: Search
