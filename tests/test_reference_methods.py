@@ -19,6 +19,7 @@ from peers import boresight_scan, convex, exchange, mixed_integer, sampling, zer
 from peers.motion import held, natural, position, state, transfer
 from turns import Turning, margin, turns
 
+pytestmark = pytest.mark.slow  # numba compiles these methods anew in each process
 ORBIT = cf.Orbit(MEAN_MOTION)
 ZONES = {False: cf.Ellipsoid(ZONE), True: cf.Box(ZONE)}
 CROSSING = 2e-6  # s: SP11's crossings are bracketed to 1e-9 rad of n t, 1 µs here
@@ -98,7 +99,7 @@ def test_timelines_overlap_in_box_conflicts(crowd):
         np.testing.assert_array_equal(within, inside)
 
 
-@pytest.mark.parametrize("box", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("box", [False, True])
 def test_sampling_agrees_with_the_screen(crowd, box):
     coefficients, paths = crowd["coasting"]
     rows = sampling.search("vector", coefficients, PERIOD, MEAN_MOTION, ZONE, box=box, thrust=False)

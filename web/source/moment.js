@@ -18,7 +18,7 @@ export class Moment {
       ...search,
       A: scene.numbers(search.attitudes.A),
       B: scene.numbers(search.attitudes.B),
-      rows: search.knowledge_sets && scene.numbers(search.knowledge_sets),
+      rows: search.sets && scene.numbers(search.sets),
     }));
     this.thrusts = scene.thrusts.map((one) => ({ ...one, table: scene.numbers(one.rows) }));
     this.burns = scene.burns.map((one) => ({ ...one, table: scene.numbers(one.rows) }));

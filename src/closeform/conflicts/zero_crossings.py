@@ -19,7 +19,6 @@ from __future__ import annotations
 from math import atan2, ceil, cos, floor, pi, sin
 
 import numpy as np
-from numba import boolean, float64, int64
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
@@ -38,7 +37,7 @@ def capacity(angle: float) -> int:
     return ceil(2.0 * angle / pi) + 4
 
 
-@kernel(inline=True)
+@kernel()
 def distance(a, t):
     """Return one axis's distance function at the angle t, from its eight coefficients `a`.
 
@@ -49,20 +48,20 @@ def distance(a, t):
     return secular + (a[4] + a[6] * t) * cos(t) + (a[5] + a[7] * t) * sin(t)
 
 
-@kernel(inline=True)
+@kernel()
 def slope(a, t):
     c, s = cos(t), sin(t)
     secular = a[1] + t * (2.0 * a[2] + t * 3.0 * a[3])
     return secular + (a[6] + a[5] + a[7] * t) * c + (a[7] - a[4] - a[6] * t) * s
 
 
-@kernel(inline=True)
+@kernel()
 def ellipsoid(d, t):
     """Return SP11 eq. 16, zero on the surface; rows of d in units of the semi-axes."""
     return distance(d[0], t) ** 2 + distance(d[1], t) ** 2 + distance(d[2], t) ** 2 - 1.0
 
 
-@kernel(inline=True)
+@kernel()
 def ellipsoid_slope(d, t):
     return (
         distance(d[0], t) * slope(d[0], t)
@@ -71,7 +70,7 @@ def ellipsoid_slope(d, t):
     )
 
 
-@kernel(inline=True)
+@kernel()
 def value(kind, d, axis, line, t):
     if kind == LINE:
         return distance(d[axis], t) - line
@@ -233,14 +232,15 @@ def distance_functions(arc, other, t, matrix):
     return d
 
 
-@kernel(int64(float64[::1], float64[::1], float64, float64, boolean, float64[:, ::1], float64[:, ::1]))
-def conflicts_of_arcs(arc, other, start, end, box, matrix, spells):
+def conflicts_of_arcs(
+    arc: Floats, other: Floats, start: float, end: float, box: bool, matrix: Floats, spells: Floats
+) -> int:
     """Fill in the conflicts (begin, end) of two arcs from `start` to `end`, in seconds; return how many."""
     n = arc[MEAN_MOTION]
     d = distance_functions(arc, other, start, matrix)
     room = len(spells) // 3
     lines, both = np.empty((3, room, 2)), np.empty((3 * room, 2))
-    count = pair_conflicts(d, n * (end - start), box, lines, both, spells)
+    count: int = pair_conflicts(d, n * (end - start), box, lines, both, spells)
     for k in range(count):
         spells[k, 0], spells[k, 1] = start + spells[k, 0] / n, min(start + spells[k, 1] / n, end)
     return count
@@ -270,9 +270,7 @@ def zero_crossings(path: Path, other: Path, zone: Zone) -> Floats:
     found: list[list[float]] = []
     for begin, end in zip(edges, edges[1:], strict=False):
         spells = np.empty((3 * capacity(path.orbit.mean_motion * (end - begin)), 2))
-        arcs = [
-            one.arcs[np.searchsorted(one.arcs[:, START], begin, side="right") - 1] for one in (path, other)
-        ]
+        arcs = arc_at(path, begin), arc_at(other, begin)
         count = conflicts_of_arcs(*arcs, begin, end, zone.shape == CUBE, zone.matrix, spells)
         for spell in spells[:count].tolist():
             if found and found[-1][1] == begin == spell[0]:  # it goes on from one arc to the next
@@ -282,8 +280,8 @@ def zero_crossings(path: Path, other: Path, zone: Zone) -> Floats:
     return np.array([[*spell, *_minimum(path, other, zone, *spell)] for spell in found]).reshape(-1, 4)
 
 
-def _arc(path: Path, time: float) -> Floats:
-    """Return the row of the arc that begins at a time, or is flown then."""
+def arc_at(path: Path, time: float) -> Floats:
+    """Return the row of a path's arc that begins or goes on at a time."""
     arc: Floats = path.arcs[np.searchsorted(path.arcs[:, START], time, side="right") - 1]
     return arc
 
