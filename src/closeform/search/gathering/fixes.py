@@ -27,7 +27,7 @@ def measure(craft, low, high, t, number):
     new, kept = (high, low) if craft.fresh[high] else (low, high)
     one, other = rows[new], rows[kept]
     x, y, z = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    distance = sqrt(x * x + y * y + z * z)
+    distance = max(sqrt(x * x + y * y + z * z), 1e-300)  # no line of sight if they coincide
     x, y, z = x / distance, y / distance, z / distance
     across = distance * in_bearing
     # a direction across a line of sight is random in both of its components, so any frame will do
