@@ -29,6 +29,7 @@ class Body:
     range: float | None = None
     slew_acceleration: float = inf
     silent: bool = False
+    solar_acceleration: float = 0.0
 
     def __post_init__(self):
         self.rate = RATE * (1.0 + self.slew_rate)
@@ -93,6 +94,7 @@ def missing(a, b, sensor, r, v, times):
     """What is missing to a lock at each time [m]: each must see the other's sensor, within both ranges."""
     one, other = a.boresights(times), b.boresights(times)
     q = r + np.outer(times, v) + sensor.offset * (other - one)
+    q -= 0.5 * (b.solar_acceleration - a.solar_acceleration) * np.outer(times**2, SUN)
     length = np.linalg.norm(q, axis=1)
     seen = [
         length * cos(sensor.half_angle + body.half_angle) - way * (q * look).sum(axis=1)

@@ -268,7 +268,9 @@ CALLS = {
     "elements.state_from_scaled_roe": inputs(scaled=START, mean_motion=1e-3, latitude=0.2),
     "elements.roe_from_state": inputs(state=START, semi_major_axis=7e6, latitude=0.2, mu=4e14),
     "elements.state_from_roe": inputs(roe=ROE, semi_major_axis=7e6, latitude=0.2, mu=4e14),
-    "Sensor": inputs(half_angle=1.2, offset=1.0, range=1e4),
+    "Sensor": inputs(
+        half_angle=1.2, offset=1.0, range=1e4, range_error=0.02, bearing_error=1e-3, fix_interval=9.0
+    ),
     "Search.modified": inputs(sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43),
     "Search.basic": inputs(
         sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43, in_plane_turn=9.42, tip_angle=0.4,
@@ -285,6 +287,7 @@ CALLS = {
         relative_velocity=SPEEDS[:2],
         errors=cf.SearchErrors(start=[0.0, 2.0]),
         step=30.0,
+        bearing=True,
     ),
     "SearchErrors": inputs(
         pointing=[[0.0, 0.01, 0.0], [0.01, 0.0, 0.0]],
@@ -294,6 +297,7 @@ CALLS = {
         range=[1e3, 2e3],
         slew_acceleration=[1e-4, 2e-4],
         silent=[False, True],
+        solar_acceleration=[0.0, 1e-6],
         outages=[[[60.0, 120.0]], [[300.0, 1e9]]],
     ),
     "lock_margins": inputs(search=SEARCH, position=PLACE, velocity=SPEED),
@@ -314,11 +318,13 @@ CALLS = {
         search=SEARCH, positions=PLACES, velocities=SPEEDS, groups=list("ABA"), keep_out=BALL,
         rounds=2,
         burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]), step=30.0,
+        seed=3, case=1,
     ),
     "gather_cases": inputs(
         search=SEARCH, positions=PLACES[None], velocities=SPEEDS[None], groups=list("ABA"), keep_out=BALL,
         rounds=2,
         burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]), step=30.0,
+        seed=3, case=1,
     ),
     "Gathering.acquainted": inputs(self=GATHERED, first=0, second=1),
     "Gathering.known": inputs(self=GATHERED, first=0, second=1, time=3.0),

@@ -37,6 +37,7 @@ def kinds(count, seed):
         "range": g.uniform(200.0, 900.0, shape),
         "slew_acceleration": RATE / g.uniform(10.0, 400.0, shape),
         "silent": g.uniform(size=shape) < 0.1,
+        "solar_acceleration": g.uniform(0.0, 2e-5, shape),  # bends a path by hundreds of metres
     }
     return {**{name: {name: values} for name, values in each.items()}, "all": each}
 

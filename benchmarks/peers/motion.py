@@ -108,6 +108,18 @@ def state(coefficients: Array, time: float, n: float) -> Array:
     return np.concatenate([r, v], axis=-1)
 
 
+def thrust(coefficients: Array, times: Array, n: float) -> Array:
+    """Thrust accelerations `coefficients.shape[:-2] + (T, 3)` of motions by Hill's equations."""
+    tau = n * np.asarray(times)
+    c, s, one = np.cos(tau), np.sin(tau), np.ones_like(tau)
+    curves = np.stack([0 * one, 0 * one, 2 * one, 6 * tau, -c, -s, -2 * s - tau * c, 2 * c - tau * s], -1)
+    across = np.swapaxes(coefficients, -1, -2)
+    x, _, z = np.moveaxis(functions(tau) @ across, -1, 0)
+    vx, vy, _ = n * np.moveaxis(slopes(tau) @ across, -1, 0)
+    free = np.stack([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z], axis=-1)
+    return np.asarray(n * n * (curves @ across) - free)
+
+
 def held(n: float, dt: float) -> tuple[Array, Array]:
     """Transition `(6, 6)` over `dt` and effect `(6, 3)` of a thrust held constant in the rotating frame."""
     a = n * dt

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from peers.motion import Array, functions, held, position, slopes
+from peers.motion import Array, held, position, thrust
 
 STEPS = 1000
 PULLS = (8.0, 15.0, 30.0, 60.0)  # w times the duration
@@ -58,13 +58,3 @@ def solve(path: Array, obstacle: Array, duration: float, n: float, half_axes: Ar
     chosen = used[:, best]
     delta_v = float(np.linalg.norm(chosen, axis=1).sum() * dt)
     return Pushed(float(energies[best]), delta_v, chosen, float(good.mean()))
-
-
-def thrust(path: Array, times: Array, n: float) -> Array:
-    """Return the thrust (T, 3) of a motion by Hill's equations."""
-    tau = n * times
-    c, s, one = np.cos(tau), np.sin(tau), np.ones_like(tau)
-    curves = np.stack([0 * one, 0 * one, 2 * one, 6 * tau, -c, -s, -2 * s - tau * c, 2 * c - tau * s], -1)
-    r, v, a = functions(tau) @ path.T, n * slopes(tau) @ path.T, n * n * curves @ path.T
-    free = np.stack([3 * n * n * r[:, 0] + 2 * n * v[:, 1], -2 * n * v[:, 0], -n * n * r[:, 2]], axis=-1)
-    return np.asarray(a - free)

@@ -1,6 +1,6 @@
 """Path past one obstacle: closeform, the method of SP11, and the rivals that SP11 discusses.
 
-They are convex and mixed-integer programs and artificial potential functions.
+They are convex and mixed-integer programs, artificial potential functions and a genetic search.
 """
 
 from collections.abc import Iterable
@@ -13,13 +13,13 @@ import numpy as np
 
 import closeform as cf
 from cases import MEAN_MOTION, ZONE, Passage, passages
-from peers import convex, mixed_integer, potential
+from peers import convex, genetic, mixed_integer, potential
 from peers.motion import Array, position
 from tables import Figure, Report, Table, seconds, times
 from timing import say
 
 EXACT, PAPER, CONVEX = "closeform, exact", "closeform, sauter-palmer", "convex programs, inflated"
-POTENTIAL = "artificial potentials, best tuning"
+POTENTIAL, GENETIC = "artificial potentials, best tuning", "differential evolution"
 EXACT_BOX, MIXED = "closeform, exact", "mixed-integer, 20 steps"
 SHAPE = np.diag(1 / ZONE**2)
 TUNINGS = len(potential.PULLS) * len(potential.WIDTHS) * len(potential.PUSHES)
@@ -47,7 +47,7 @@ def measure(quick: bool) -> Report:
     ellipsoid, box = cf.Ellipsoid(ZONE), cf.Box(ZONE)
     for method in ("exact", "sauter-palmer"):
         avoided(work[0], ellipsoid, method, 1)  # compile
-    found: dict[str, list[Outcome]] = {name: [] for name in (EXACT, PAPER, CONVEX, POTENTIAL)}
+    found: dict[str, list[Outcome]] = {name: [] for name in (EXACT, PAPER, CONVEX, POTENTIAL, GENETIC)}
     boxed: dict[str, list[Outcome]] = {name: [] for name in (EXACT_BOX, MIXED)}
     programs = []
     for number, passage in enumerate(work):
@@ -58,6 +58,7 @@ def measure(quick: bool) -> Report:
         found[CONVEX].append(outcome)
         programs.append(shaped)
         found[POTENTIAL].append(pushed(passage))
+        found[GENETIC].append(evolved(passage, number))
         boxed[EXACT_BOX].append(avoided(passage, box, "exact", repeats))
         boxed[MIXED].append(mixed(passage))
     solved = [shaped for shaped in programs if shaped]
@@ -116,6 +117,10 @@ def ellipsoids(found: dict[str, list[Outcome]], programs: list[convex.Shaped]) -
             f"Artificial potentials: {potential.STEPS} steps, a Gaussian around the obstacle and feedback to "
             f"the direct path. Of {TUNINGS} tunings for each passage, the one of least energy that is clear "
             f"and arrives within {potential.ARRIVED:g} m counts; the time is that of all."
+        ),
+        (
+            "Differential evolution of SciPy varies the state in which two transfers meet, for at most "
+            f"{genetic.GENERATIONS} generations of {6 * genetic.POPULATION}; the zone is checked at samples."
         ),
     ]
     title = f"Path past one obstacle, {len(found[EXACT])} passages, ellipsoid 20 x 40 x 20 m, one core"
@@ -228,6 +233,16 @@ def certified(passage: Passage, thrust: Array) -> float:
 def pushed(passage: Passage) -> Outcome:
     begin = perf_counter()
     found = potential.solve(passage.path, passage.obstacle_path, passage.duration, MEAN_MOTION, ZONE)
+    time = perf_counter() - begin
+    if found is None:
+        return Outcome(time)
+    return Outcome(time, found.energy, found.delta_v, certified(passage, found.thrust))
+
+
+def evolved(passage: Passage, seed: int) -> Outcome:
+    begin = perf_counter()
+    paths = passage.path, passage.obstacle_path
+    found = genetic.solve(*paths, passage.duration, MEAN_MOTION, ZONE, seed)
     time = perf_counter() - begin
     if found is None:
         return Outcome(time)

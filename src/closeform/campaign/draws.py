@@ -70,6 +70,7 @@ def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErr
         of("sensor.range") if ranged else None,
         of("craft.slew_acceleration") if "craft.slew_acceleration" in keys else scenario.ramps,
         of("craft.silent") if "craft.silent" in keys else scenario.silent,
+        of("craft.solar_acceleration"),
         scenario.outages,
     )
 

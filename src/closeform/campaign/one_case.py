@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from closeform.campaign.draws import drawn, failing, flight_seed, searching, values, varied
 from closeform.scenario import Craft, Scenario, ScenarioError
 from closeform.scenario.study import FAILS, STATES, UNPLANNED
-from closeform.search.search_errors import errors_of_first_case
+from closeform.search.search_errors import errors_of_cases
 
 if TYPE_CHECKING:
     from closeform.mission.executed_mission import History
@@ -46,13 +46,12 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
     for key in varied(scenario):
         if key.startswith("craft.") and not key.startswith((*STATES, FAILS, *UNPLANNED)):
             columns[field_of(key)] = values(scenario, seed, key, case, case + 1)[0]
-    errors = searching(scenario, seed, case, case + 1)
     found = replace(
         scenario,
         title=title,
         craft=drawn_craft(scenario.craft, columns, replanned),
         case=case,
-        astray=None if errors is None else errors_of_first_case(errors),
+        astray=errors_of_cases(searching(scenario, seed, case, case + 1), (1, len(scenario.craft)), 0),
         history=history,
     )
     if scenario.flights is None:

@@ -55,6 +55,17 @@ CAUSES = {  # columns of delta-v other than for joining, with their labels
 }
 
 
+MEASURED = {  # columns of the largest final errors within the formation set, with their labels
+    "residual_speed_m_s": "residual speed in the formation set [m/s]",
+    "position_error_m": "error of an estimated position [m]",
+}
+
+
+def _by_bearing(scenario: Scenario) -> bool:
+    """Return True if hemisphere antennas assign the groups of each case."""
+    return scenario.search is not None and scenario.search.bearing
+
+
 @dataclass(frozen=True, eq=False)
 class SearchCases(Cases):
     """Cases of a `search`, which covers all rounds; each has the same number of `rows`."""
@@ -141,7 +152,8 @@ class LockCases(SearchCases):
     def of(cls, scenario: Scenario, seed: int) -> Self:
         """Return the cases of a scenario that locks."""
         steps = scenario.study.sampled if scenario.study is not None else ()
-        return cls(scenario, seed, scenario.plan, scenario.opposite, steps)
+        pairs = np.array([[0, 1]]) if _by_bearing(scenario) else scenario.opposite
+        return cls(scenario, seed, scenario.plan, pairs, steps)
 
     @property
     def rows(self) -> int:
@@ -163,10 +175,11 @@ class LockCases(SearchCases):
         moves = moves.reshape(-1, 6)
         craft = searching(self.scenario, self.seed, first, last)
         errors = None if craft is None else errors_of_pairs(craft, self.pairs)
-        found = lock_times(self.search, moves[:, :3], moves[:, 3:], errors)
+        pairs, bearing = (self.search, moves[:, :3], moves[:, 3:]), _by_bearing(self.scenario)
+        found = lock_times(*pairs, errors, bearing=bearing)
         columns = dict(zip(STATE, moves.T, strict=True)) | {"time_s": found.time, "leg": found.leg}
         for step in self.steps:
-            late = lock_times(self.search, moves[:, :3], moves[:, 3:], errors, step)
+            late = lock_times(*pairs, errors, step, bearing)
             columns |= dict(zip(lock_columns(step), (late.time, late.leg), strict=True))
         if any(zone is not None for zone in self.scenario.keep_out):
             clear = coasts_clear(self.scenario, states, self.search.duration)
@@ -203,7 +216,7 @@ class GatherCases(SearchCases):
 
     Columns: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, the numbers of conflicts, and each
     requirement. Further columns, where they apply: the delta-v of corrections and of the near-field search,
-    the time of each loss of thrust, and the number `adrift`.
+    the time of each loss of thrust, the number `adrift`, and the final errors of MEASURED.
     """
 
     stage: Gather
@@ -228,12 +241,19 @@ class GatherCases(SearchCases):
         near = any(leg.phase == "NFS" for leg in self.search.legs)
         return tuple(compress(CAUSES, (bool(self.scenario.zones.pairs), near)))
 
+    @property
+    def measured(self) -> Mapping[str, str]:
+        """MEASURED if the sensor has measurement errors."""
+        return {} if self.search.sensor._exact else MEASURED
+
     def evaluate(self, first: int, last: int) -> Columns:
         """Return the results of the gatherings of the given cases."""
         scenario = self.scenario
         pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
         states, _ = self.states(first, last, pairs)
         arguments = scenario.gathering(self.stage) | {"errors": searching(scenario, self.seed, first, last)}
+        arguments |= {"seed": self.seed, "case": first}
+        arguments |= {"groups": "bearing"} if _by_bearing(scenario) else {}
         begun, lost = (scenario.plan, states[..., :3], states[..., 3:]), {}
         if FAILS in varied(scenario):
             found, fails = gather_cases_with_losses(
@@ -249,7 +269,7 @@ class GatherCases(SearchCases):
             "rounds": found.rounds,
             "left": found.left,
             "delta_v_m_s": found.delta_v,
-            **{name: found.columns()[name] for name in self.causes},
+            **{name: found.columns()[name] for name in (*self.causes, *self.measured)},
             "met_unknown": found.met_unknown,
             "met_known": found.met_known,
             **lost,
@@ -262,8 +282,13 @@ class GatherCases(SearchCases):
         return columns["duration_s"], columns["leg"]
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return the quantities of the study: times [s] and delta-v [m/s]."""
-        return super().quantities() | {"delta-v of all craft [m/s]": self.spent}
+        """Return the quantities of the study: times [s], delta-v [m/s], and errors left by measurements."""
+
+        def left(name: str) -> Quantity:
+            return lambda columns: np.where(columns["leg"] >= 0, columns[name], np.nan)
+
+        errors = {label: left(name) for name, label in self.measured.items()}
+        return super().quantities() | {"delta-v of all craft [m/s]": self.spent} | errors
 
     def spent(self, columns: Columns) -> Floats:
         """Return the delta-v of all craft [m/s] in the cases that are gathered."""

@@ -239,7 +239,8 @@ def sets(gathering: Gathering, time: float, names: Sequence[str] | None = None) 
         if np.linalg.norm(speeds[k]) > 1e-9 * (fastest or 1.0):
             arrow(axes, np.array([point, point + way]), colour)
         axes.plot(*point, "o", color=colour, markeredgecolor=INK, markersize=11, zorder=5)
-        word(axes, point, called[k], shift=(0, 14))
+        side = 1 if point[0] >= points[labels == labels[k], 0].mean() else -1
+        word(axes, point, called[k], shift=(26 * side, 0))
         for other in range(k):
             if labels[k] == labels[other] >= 0:
                 style = "-" if labels[k] == 0 else DOTTED

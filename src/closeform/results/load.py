@@ -356,6 +356,7 @@ class RunTables:
             self.scenario.zones,
             self.scenario.search_errors,
             adrift,
+            np.array([entry["estimate_errors"][name] for name in after.names]),
         )
 
 

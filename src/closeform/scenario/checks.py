@@ -291,7 +291,10 @@ def searching(scenario: Scenario) -> Iterator[str]:
     if scenario.search is None:
         yield 'search: missing; add [search] with method = "modified"'
     groups = [craft.group for craft in scenario.craft]
-    if None in groups:
+    if scenario.search is not None and scenario.search.bearing:
+        if any(groups):
+            yield "craft.group: search.bearing assigns the groups; remove group"
+    elif None in groups:
         yield f"craft.group: {Craft.missing('group')}"
     elif len(set(groups)) == 1:
         empty = "B" if groups[0] == "A" else "A"
@@ -308,8 +311,14 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         key = str(error).split(":")[0]
         yield f"{'sensor' if key in SensorTable.model_fields else 'search'}.{error}"
         return
+    if table.bearing:
+        yield from by_bearing(scenario)
     for number, stage in enumerate(scenario.stages, 1):
         if isinstance(stage, Gather):
+            drawn = scenario.study.vary if scenario.study is not None else {}
+            key = "craft.solar_acceleration"
+            if key in drawn or any(scenario.given(key)):
+                yield f"{key}: stage {number} gathers on straight lines; remove it"
             try:
                 repeated_search(plan, 1, table.max_speed)
             except ValueError as error:
@@ -323,6 +332,21 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         and any(s.verb != "lock" for s in scenario.stages)
     ):
         yield "study.sampled: sampling requires that every stage is a lock stage; remove sampled"
+
+
+def by_bearing(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each feature that groups by bearings at the start do not support."""
+    key = "search.bearing: groups from bearings at the start"
+    if any(stage.searches for stage in scenario.stages[1:]):
+        yield f"{key} require that only the first stage searches; remove bearing and give groups"
+    if scenario.study is None or scenario.study.draws == "errors":
+        return
+    if any(stage.verb == "lock" for stage in scenario.stages) and len(scenario.craft) > 2:
+        yield f"{key} require two craft in a study of `lock`; use `gather`, or give groups"
+    if "craft.pointing_error" in scenario.study.vary or any(
+        any(one.pointing_error) for one in scenario.craft
+    ):
+        yield f"{key} cannot be combined with pointing errors in a study; give groups"
 
 
 def suited(scenario: Scenario) -> Iterator[str]:

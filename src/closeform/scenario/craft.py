@@ -385,7 +385,9 @@ class Craft(Engine):
     """Table [craft]: initial states, engines, zones and errors of the spacecraft."""
 
     name: Name = setting('["F1", "F2"]', "names, of at most 24 characters each", ...)
-    group: Literal["A", "B"] | None = setting('["A", "B"]', "search group; required for `lock` and `gather`")
+    group: Literal["A", "B"] | None = setting(
+        '["A", "B"]', "search group; required for `lock` and `gather` without `bearing`"
+    )
     position: Position | None = setting(
         '["0 0 0 m", "0 100 0 m"]', "initial position; required without `start` or `states`"
     )
@@ -437,6 +439,9 @@ class Craft(Engine):
     start_offset: Annotated[float, Reader(TIME)] = setting('"2 s"', "delay of the spacecraft's search", 0.0)
     slew_acceleration: Annotated[float, Reader(TURNING, least="positive")] | None = setting(
         '"0.01 deg/s^2"', "angular acceleration at the beginning and end of turns; by default unlimited"
+    )
+    solar_acceleration: Annotated[float, Reader(ACCELERATION, least="zero")] = setting(
+        '"0.0012 mm/s^2"', "acceleration by solar pressure, away from the sun; `lock` only", 0.0
     )
     silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = setting(
         "false",
@@ -509,7 +514,7 @@ class Craft(Engine):
     def astray(self) -> bool:
         """True if the craft deviates from its commanded search."""
         errors = *self.pointing_error, self.slew_rate_error, self.start_offset, self.silent
-        return any(errors) or self.slew_acceleration is not None
+        return any((*errors, self.solar_acceleration)) or self.slew_acceleration is not None
 
     def known_at(self, state: Floats) -> Self:
         """Return the craft with its initial state (6,), read from a file or from an inertial state."""
@@ -589,6 +594,15 @@ class SensorTable(Table):
         '"7.5 m"', "distance of the sensor from the centre of mass, along the boresight", 0.0
     )
     range: Length | None = setting('"2 km"', "maximum range; by default unlimited")
+    range_error: Deviation = setting(
+        '"2 cm"', "standard deviation of a measured distance, from which `gather` computes burns", 0.0
+    )
+    bearing_error: AngleDeviation = setting(
+        '"0.02 deg"', "standard deviation of a measured direction, about each axis across it", 0.0
+    )
+    fix_interval: Seconds = setting(
+        '"10 s"', "time between the two measurements that give the relative velocity after a lock", 10.0
+    )
 
     def flaws(self) -> Iterator[str]:
         if self.half_angle >= pi:
@@ -598,7 +612,9 @@ class SensorTable(Table):
         """Return the sensor that the table describes."""
         from closeform.search.sensor import Sensor
 
-        return Sensor(self.half_angle, self.offset, inf if self.range is None else self.range)
+        longest = inf if self.range is None else self.range
+        accuracy = self.range_error, self.bearing_error, self.fix_interval
+        return Sensor(self.half_angle, self.offset, longest, *accuracy)
 
 
 class SearchTable(Table):
@@ -621,6 +637,9 @@ class SearchTable(Table):
     )
     max_speed: Speed | None = setting(
         '"12 cm/s"', "largest relative speed, which determines the near-field search"
+    )
+    bearing: bool = setting(
+        "true", "true if hemisphere antennas assign the groups, instead of `group` of [craft]", False
     )
 
     def flaws(self) -> Iterator[str]:

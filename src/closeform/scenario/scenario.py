@@ -263,6 +263,7 @@ class Scenario:
             start,
             slew_acceleration=self.ramps,
             silent=self.silent,
+            solar_acceleration=self.given("craft.solar_acceleration"),
             outages=self.outages,
         )
 
@@ -286,7 +287,11 @@ class Scenario:
 
     @property
     def groups(self) -> tuple[Literal["A", "B"], ...]:
-        """Group of each craft in a search; A by default."""
+        """Group of each craft in a search: by bearings at the start, or as given; A by default."""
+        if self.search is not None and self.search.bearing:
+            from closeform.search.gathering.problem import groups_by_bearing
+
+            return groups_by_bearing(self.states(self.orbit.build())[:, :3])
         return tuple(craft.group or "A" for craft in self.craft)
 
     def zones_around(self, name: str) -> tuple[Zone, ...]:
@@ -309,6 +314,8 @@ class Scenario:
             "max_speed": self.search.max_speed if self.search is not None else None,
             "errors": self.search_errors,
             "step": stage.step,
+            "seed": self.study.seed if self.study is not None else 0,
+            "case": self.case or 0,
         }
 
     @property

@@ -25,6 +25,7 @@ SEARCHED = (  # search keys of each craft
     "craft.start_offset",
     "craft.slew_acceleration",
     "craft.silent",
+    "craft.solar_acceleration",
     "sensor.half_angle",
     "sensor.range",
     "search.slew_rate",

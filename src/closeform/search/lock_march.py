@@ -5,6 +5,9 @@ in time. So the gaps of `field_of_view` have bounded curvature: that of b.(r + v
 rotating part plus 2 w times that of the velocity, and |q| is convex except for the turning offsets. The march
 steps as far as one gap certainly stays positive: it never steps over a lock, however short.
 
+Solar pressure accelerates both craft along the sun line. Its difference bends the line of a pair into a
+parabola, whose distance from its chord is bounded.
+
 Pairs without search errors are facing: one gap decides, and the legs of the search are the segments. All
 other pairs march through the segments of both slew profiles. `first_locks` advances many facing pairs through
 the first leg in parallel, with vector instructions, which is ten times as fast as one after another.
@@ -26,7 +29,7 @@ from closeform.arrays import LARGEST, Floats
 from closeform.kernel_loans import stack_matrix
 from closeform.search.field_of_view import Sensors, outage, view
 from closeform.search.schedule import END, START
-from closeform.search.search_errors import COSINE, EXACT, RANGE
+from closeform.search.search_errors import COSINE, EXACT, RANGE, SOLAR
 from closeform.search.slew_profile import FINISH, LEG, first_segment, next_segment, nominal_segment
 
 CLOSE = 1e-8  # s, accuracy of a lock time found by Newton's method
@@ -107,12 +110,15 @@ def bounds_of(segment, t, end, position, velocity):
 
 
 @kernel(inline=True)
-def bounds_of_pair(a, b, facing, t, end, position, velocity, offset):
+def bounds_of_pair(a, b, facing, t, end, position, velocity, push, offset):
     """Return bounds on the motion of both boresights from t to `end`.
 
-    The largest |q'| and acceleration of q, the curvature of offset b.d, and the first three bounds of each.
+    The largest |q'| and acceleration of q, a curvature of both gaps, and the first three bounds of each. The
+    curvature is that of offset b.d, and of the effect of the relative acceleration `push` along z.
     """
     vx, vy, vz = velocity
+    if not facing:
+        position = position[0], position[1], position[2] + 0.5 * push * end * end
     curl, last, sideways, fastest, turning = bounds_of(a, t, end, position, velocity)
     if facing:  # b.d is constant
         other_curl, other_last, other_sideways, between = curl, last, sideways, 0.0
@@ -120,10 +126,16 @@ def bounds_of_pair(a, b, facing, t, end, position, velocity, offset):
     else:
         other_curl, other_last, other_sideways, fast, turn = bounds_of(b, t, end, position, velocity)
         between = 2.0 * offset * fastest * fast
+        # b.(r + v t + a t^2 / 2): of b'' the distance from the chord, of b' the change of velocity, and a
+        size, span = abs(push), end - t
+        between += size * (0.125 * span * span * max(curl, other_curl) + 2.0 * end * max(fastest, fast) + 1.0)
         fastest, turning = fastest + fast, turning + turn
     speed = sqrt(vx * vx + vy * vy + vz * vz) + offset * fastest
+    turning *= offset
+    if not facing:
+        speed, turning = speed + size * end, turning + size
     ours, others = (curl, last, sideways), (other_curl, other_last, other_sideways)
-    return speed, offset * turning, between, ours, others
+    return speed, turning, between, ours, others
 
 
 @kernel(inline=True)
@@ -144,14 +156,16 @@ def bend_of(bounds, rotating, cosine, turning, curved):
 
 
 @kernel(inline=True)
-def step(a, b, facing, t, position, velocity, bounds, sensors):
+def step(a, b, facing, t, position, velocity, push, bounds, sensors):
     """Return a time without a lock from t on, whether they see each other at t, and if a lock is near.
 
-    `a` and `b` are the segments of both boresights, `position` is that at time 0. Of a `facing` pair `b` is
-    ignored. If a lock is near, it follows at the end of the step.
+    `a` and `b` are the segments of both boresights, `position` and `velocity` are those at time 0. Of a
+    `facing` pair `b` and `push` are ignored. If a lock is near, it follows at the end of the step.
     """
     x, y, z = position
     vx, vy, vz = velocity
+    if not facing:
+        z, vz = z - 0.5 * push * t * t, vz + push * t  # z + vz t is then the position at t
     fast, turning, between, ours, others = bounds
     offset, c, e, _ = sensors
     place = x + vx * t, y + vy * t, z + vz * t
@@ -189,14 +203,14 @@ def step(a, b, facing, t, position, velocity, bounds, sensors):
 
 
 @kernel()
-def lock_within(a, b, facing, t, end, position, velocity, sensors):
+def lock_within(a, b, facing, t, end, position, velocity, push, sensors):
     """Return the first lock from t to `end`, while both boresights keep their segments: (time, found).
 
-    `position` is that at time 0. Of a `facing` pair `b` is ignored.
+    `position` and `velocity` are those at time 0. Of a `facing` pair `b` and `push` are ignored.
     """
-    bounds = bounds_of_pair(a, b, facing, t, end, position, velocity, sensors.offset)
+    bounds = bounds_of_pair(a, b, facing, t, end, position, velocity, push, sensors.offset)
     while True:
-        h, locked, near = step(a, b, facing, t, position, velocity, bounds, sensors)
+        h, locked, near = step(a, b, facing, t, position, velocity, push, bounds, sensors)
         if locked:
             return t, True
         if t >= end:
@@ -210,7 +224,7 @@ def lock_within(a, b, facing, t, end, position, velocity, sensors):
 def lock_in_leg(leg, t, end, position, velocity, sensors):
     """Return the first lock of a facing pair from t to `end` within a leg: (time, found)."""
     a = nominal_segment(leg)
-    return lock_within(a, a, True, t, end, position, velocity, sensors)
+    return lock_within(a, a, True, t, end, position, velocity, 0.0, sensors)
 
 
 @kernel()
@@ -261,7 +275,8 @@ def first_lock(legs, t, position, velocity, offset, one, other, segments):
         end = min(end, change_a, change_b)
         if not (out_a or out_b):
             one_segment, other_segment = as_segment(a), as_segment(b)
-            when, locked = lock_within(one_segment, other_segment, False, t, end, position, velocity, sensors)
+            pair = position, velocity, other[SOLAR] - one[SOLAR], sensors
+            when, locked = lock_within(one_segment, other_segment, False, t, end, *pair)
             if locked:
                 return when, min(int(a[LEG]), len(legs) - 1)
         t = end
@@ -288,7 +303,7 @@ def march_block(leg, positions, velocities, begin, count, sensors, parts, reache
     a, start, end = nominal_segment(leg), leg[START], leg[END]
     still = 0.0, 0.0, 0.0
     _, turning, between, (curl, _, _), _ = bounds_of_pair(
-        a, a, True, start, end, still, still, sensors.offset
+        a, a, True, start, end, still, still, 0.0, sensors.offset
     )
     for k in range(count):
         m = begin + k
@@ -297,7 +312,7 @@ def march_block(leg, positions, velocities, begin, count, sensors, parts, reache
         reached[k] = start
     for k in range(count):
         position, velocity = (x[k], y[k], z[k]), (vx[k], vy[k], vz[k])
-        bounds = bounds_of_pair(a, a, True, start, end, position, velocity, sensors.offset)
+        bounds = bounds_of_pair(a, a, True, start, end, position, velocity, 0.0, sensors.offset)
         speed[k], (_, last[k], sideways[k]) = bounds[0], bounds[3]
     for _ in range(SWEEPS):
         for k in range(count):
@@ -305,7 +320,7 @@ def march_block(leg, positions, velocities, begin, count, sensors, parts, reache
             position, velocity = (x[k], y[k], z[k]), (vx[k], vy[k], vz[k])
             ours = curl, last[k], sideways[k]
             bounds = speed[k], turning, between, ours, ours
-            h, locked, near = step(a, a, True, t, position, velocity, bounds, sensors)
+            h, locked, near = step(a, a, True, t, position, velocity, 0.0, bounds, sensors)
             reached[k] = min(end, t + h)
             sure[k] = 1.0 if (locked | near) & (t + h < end) else 0.0
 
@@ -324,7 +339,7 @@ def first_locks(
     """Write the first lock of each pair to `times` and `found`; `found` holds a code for an invalid pair.
 
     With a `step` [s] above 0, locks are detected only at its multiples.
-    `craft` (M, 2, 9 + 2 K) has the search errors of each pair, or (1, 2, 9 + 2 K) those of all.
+    `craft` (M, 2, 10 + 2 K) has the search errors of each pair, or (1, 2, 10 + 2 K) those of all.
     """
     alike, exact = len(craft) == 1, craft[0, 0, EXACT] * craft[0, 1, EXACT] > 0.0
     sensors = Sensors(offset, craft[0, 0, COSINE], craft[0, 1, COSINE], craft[0, 0, RANGE])

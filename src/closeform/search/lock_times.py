@@ -12,7 +12,7 @@ from closeform.arrays import LARGEST, Floats, instance, numbers, positive
 from closeform.result import Rows
 from closeform.search.lock_march import CHUNK, COINCIDENT, NOT_FINITE, first_locks, in_parts
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, craft_rows
+from closeform.search.search_errors import SearchErrors, craft_rows, errors_of_swapped
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,6 +45,7 @@ def lock_times(
     relative_velocity: ArrayLike,
     errors: SearchErrors | None = None,
     step: float | None = None,
+    bearing: bool = False,
 ) -> Locks:
     """Return the first lock of each pair of a craft in group A and one in B, coasting in deep space.
 
@@ -62,6 +63,9 @@ def lock_times(
     step : float [s], optional
         Detect locks only at multiples of this time, as a simulation with time steps does. It finds a lock up
         to a step late, and misses one that begins and ends between two steps. Default: at any time.
+    bearing : bool, default False
+        True if hemisphere antennas tell on which side of body x-y the other craft of a pair is. The pair then
+        takes the groups whose boresights begin towards each other: the second is in A if it is behind.
 
     Returns
     -------
@@ -95,6 +99,10 @@ def lock_times(
     alike = errors is None or len(instance("errors", errors, SearchErrors).shape) < 2
     times, legs = np.empty(count), np.empty(count, dtype=np.int64)
     every = 0.0 if step is None else positive("step", step)
+    if instance("bearing", bearing, bool, np.bool_):
+        behind = positions[:, 0] < 0.0
+        positions, velocities = (np.where(behind[:, None], -both, both) for both in (positions, velocities))
+        errors, alike = errors_of_swapped(errors, behind), errors is None
     asked = f"{count} pairs is (M, 2{{}}), or common to all pairs"
 
     def part(some: slice) -> None:

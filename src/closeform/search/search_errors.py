@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, numbers, shown
+from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform.search.sensor import Sensor
 
 MOST_TURN = pi / 2.0  # rad, bound on a pointing error
-FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent", "outages")
+FIELDS = (
+    *("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent"),
+    *("solar_acceleration", "outages"),
+)
 AXES = {"pointing": 1, "outages": 2}  # array axes that a field has for one craft; other fields are numbers
 # columns of a craft's row in kernels; from the last one on the begin and end [s] of each outage
-BODY, PACE, START_DELAY, COSINE, RANGE, ACCELERATION, EXACT, OUTAGES = 0, 3, 4, 5, 6, 7, 8, 9
+BODY, PACE, START_DELAY, COSINE, RANGE, ACCELERATION, EXACT, SOLAR, OUTAGES = 0, 3, 4, 5, 6, 7, 8, 9, 10
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -43,6 +46,8 @@ class SearchErrors:
         Acceleration at the start and end of a turn, which prolongs it by the rate over this value.
     silent : array_like of bool of shape (...), default False
         True if the craft never responds, so that no other locks with it.
+    solar_acceleration : array_like of shape (...) [m/s^2], default 0
+        Acceleration away from the sun by solar pressure, constant. Only `lock_times` supports it.
     outages : array_like of shape (..., K, 2) [s], optional
         Start and end of intervals in which the sensor or radio of the craft does not work, so that it does
         not lock. An end may be inf; (inf, inf) fills rows with fewer intervals. Default: none.
@@ -64,6 +69,7 @@ class SearchErrors:
     range: Floats | None
     slew_acceleration: Floats
     silent: Any
+    solar_acceleration: Floats
     outages: Floats | None
 
     def __init__(
@@ -75,6 +81,7 @@ class SearchErrors:
         range: ArrayLike | None = None,
         slew_acceleration: ArrayLike = inf,
         silent: ArrayLike = False,
+        solar_acceleration: ArrayLike = 0.0,
         outages: ArrayLike | None = None,
     ) -> None:
         turn, mute = numbers("pointing", pointing), np.asarray(silent)
@@ -90,6 +97,7 @@ class SearchErrors:
             range=None if range is None else _positive("range", range),
             slew_acceleration=_positive("slew_acceleration", slew_acceleration),
             silent=mute,
+            solar_acceleration=_within("solar_acceleration", solar_acceleration, -inf, inf),
             outages=None if outages is None else _intervals("outages", outages),
         )
         _within("pointing", np.linalg.norm(turn, axis=-1), -1.0, MOST_TURN)
@@ -121,13 +129,13 @@ def craft_rows(
     asked: str,
     some: Any = ...,
 ) -> Floats:
-    """Return the kernels' rows (..., 9 + 2 K) of `some` craft of a shape, those of B (`second`) in axes of A.
+    """Return the kernels' rows (..., 10 + 2 K) of `some` craft of a shape; B (`second`) is in axes of A.
 
     `EXACT` is 1 for a craft without errors. Raises ValueError for errors of another shape, which `asked`
     describes, or that leave no cone.
     """
     if errors is None:
-        perfect = [0.0, 0.0, 1.0, 1.0, 0.0, sensor.cosine, sensor.range, inf, 1.0]
+        perfect = [0.0, 0.0, 1.0, 1.0, 0.0, sensor.cosine, sensor.range, inf, 1.0, 0.0]
         out = np.tile(perfect, (*shape, 1))
         out[..., 2] = np.where(second, -1.0, 1.0)
         return out
@@ -158,8 +166,10 @@ def craft_rows(
     out[..., RANGE] = sensor.range if errors.range is None else of_craft("range")
     out[..., RANGE][of_craft("silent")] = -inf
     out[..., ACCELERATION] = of_craft("slew_acceleration")
+    out[..., SOLAR] = of_craft("solar_acceleration")
     exact = ~errors.pointing.any(axis=-1) & (errors.slew_rate == 0.0) & (errors.start == 0.0)
     exact = exact & (errors.half_angle == 0.0) & (errors.slew_acceleration == inf) & ~errors.silent
+    exact = exact & (errors.solar_acceleration == 0.0)
     if errors.range is not None:
         exact = exact & (errors.range == sensor.range)
     if errors.outages is not None:
@@ -173,9 +183,23 @@ def errors_of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors
     return _changed(errors, shape, lambda values: values)
 
 
-def errors_of_first_case(errors: SearchErrors) -> SearchErrors:
-    """Return the errors of the craft (N,) in the first of the given cases (C, N)."""
-    return _changed(errors, errors.shape, lambda values: values[0])
+def errors_of_cases(errors: SearchErrors | None, shape: tuple[int, ...], some: Any) -> SearchErrors | None:
+    """Return the errors (C, N) of some cases, by index or slice; those alike in all cases stay."""
+    if errors is None or len(instance("errors", errors, SearchErrors).shape) < 2:
+        return errors
+    return _changed(errors, shape, lambda values: values[some])
+
+
+def errors_of_swapped(errors: SearchErrors | None, swapped: Any) -> SearchErrors | None:
+    """Return the errors (M, 2) of pairs after an exchange of both craft in those of a mask (M,)."""
+    if errors is None:
+        return None
+
+    def exchanged(values: Floats) -> Floats:
+        mask = swapped.reshape(-1, *[1] * (values.ndim - 1))
+        return np.where(mask, values[:, ::-1], values)
+
+    return _changed(errors, (len(swapped), 2), exchanged)
 
 
 def errors_of_pairs(errors: SearchErrors, pairs: Any) -> SearchErrors:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
 from closeform.mission.verdict import SunAngle, conflicts_in, conflicts_of
 from closeform.report.description import (
@@ -90,6 +91,9 @@ def facts(search: Search, duration: float, attained: SunAngle | None = None) -> 
         ("turn to the start attitude before the search, at most", f"180 deg, {pi / search.slew_rate:.1f} s"),
         ("sky covered by one cone", f"{100 * covered(search, None):.2f} %"),
     ]
+    if not (sensor := search.sensor)._exact:
+        measured = f"{sensor.range_error:g} m, {degrees(sensor.bearing_error):g} deg"
+        rows.append((f"range and bearing errors of two fixes {sensor.fix_interval:g} s apart", measured))
     near = "near field of a craft, never covered by its cone"
     if isinf(search.near_field):
         rows.append((near, "unbounded: tips too small"))
@@ -497,6 +501,8 @@ def ended(result: Gathered) -> Iterator[str]:
         yield f"Adrift in the formation set, without thrust: {adrift}"
     if gathering.sets and (residual := float(np.nanmax(gathering.residual_speeds))) > RESIDUAL:
         yield f"Residual velocity within the formation set: at most {1e3 * residual:.3f} mm/s"
+    if gathering.sets and (off := float(np.nanmax(gathering.position_errors))) > 0.0:
+        yield f"Error of estimated positions in the formation set: at most {off:.3f} m"
     lowest = min(gathering.totals.values())
     if result.stage.burns == "least" and gathering.totals[gathering.burns] > lowest * (1.0 + 1e-9):
         yield f"The option {choice(result)} is not the one of lowest cost, which leaves more craft lost"
@@ -533,6 +539,9 @@ def gather_figures(result: Gathered, known: list[bool]) -> dict[str, Any]:
         "totals_m_s": gathering.totals,
         "delta_v_m_s": dict(zip(names, gathering.delta_v.tolist(), strict=True)),
         "total_delta_v_m_s": float(gathering.delta_v.sum()),
+        "residual_speed_m_s": formed(gathering.residual_speeds, names),
+        "position_error_m": formed(gathering.position_errors, names),
+        "estimate_errors": dict(zip(names, gathering.estimates.tolist(), strict=True)),  # m, m/s
         "sets": [[names[k] for k in some] for some in gathering.sets],
         "lost": [names[k] for k in gathering.lost],
         "adrift": [names[k] for k in gathering.adrift],
@@ -544,6 +553,11 @@ def gather_figures(result: Gathered, known: list[bool]) -> dict[str, Any]:
         "burns_count": sum(event.kind is not EventKind.LOCK for event in gathering.events),
         "conflicts_known": known,
     }
+
+
+def formed(values: Floats, names: Sequence[str]) -> dict[str, float]:
+    """Return the values of the spacecraft in the formation set by their names; the others are nan."""
+    return {name: float(one) for name, one in zip(names, values, strict=True) if not np.isnan(one)}
 
 
 def moments(gathering: Gathering) -> list[float]:

@@ -1,6 +1,6 @@
 """Burns of a gathering: to join the formation set, against collisions, and in the near-field search.
 
-All burns of an instant are computed from the velocities known to the craft. Their execution errors are
+All burns of an instant are computed from the velocities that the craft estimate. Their execution errors are
 applied afterwards, all at once.
 """
 
@@ -15,6 +15,7 @@ from closeform.search.gathering.craft_state import (
     CORRECTED,
     CORRECTION,
     ERROR,
+    ESTIMATE,
     NEAR_FIELD,
     NEAR_FIELD_SPENT,
     SPENT,
@@ -61,9 +62,11 @@ def execution_error(craft, i, x, y, z):
 
 @kernel()
 def burn(monitor, craft, log, t, kind, i, leg, velocity):
-    """Give craft i a velocity at time t; skip a zero burn, and a burn without thrust."""
+    """Give craft i an estimated velocity at time t; skip a zero burn, and a burn without thrust."""
     row = craft.rows[i]
-    dx, dy, dz = velocity[0] - row[3], velocity[1] - row[4], velocity[2] - row[5]
+    vx, vy = velocity[0] - row[ESTIMATE + 3], velocity[1] - row[ESTIMATE + 4]
+    vz = velocity[2] - row[ESTIMATE + 5]
+    dx, dy, dz = vx - row[3], vy - row[4], vz - row[5]
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
         return
     if t >= craft.losses[i]:
@@ -72,7 +75,7 @@ def burn(monitor, craft, log, t, kind, i, leg, velocity):
         return
     check_pairs_of(monitor, craft, i, t)
     advance(craft, i, t)
-    row[3], row[4], row[5] = velocity[0], velocity[1], velocity[2]
+    row[3], row[4], row[5] = vx, vy, vz
     ex, ey, ez = execution_error(craft, i, dx, dy, dz)
     row[ERROR], row[ERROR + 1], row[ERROR + 2] = row[ERROR] + ex, row[ERROR + 1] + ey, row[ERROR + 2] + ez
     dx, dy, dz = dx + ex, dy + ey, dz + ez
@@ -111,7 +114,7 @@ def burn_in_near_field(burns, monitor, craft, log, k):
 
 @kernel()
 def join_formation(monitor, craft, log, t, low, high, leg, choice, formed):
-    """Match the velocity of each new craft to the formation set; the first pair agrees on one.
+    """Match the estimated velocity of each new craft to the formation set; the first pair agrees on one.
 
     If a craft of the first pair has lost its thrust, the other one burns.
     """
@@ -121,8 +124,13 @@ def join_formation(monitor, craft, log, t, low, high, leg, choice, formed):
             choice = SECOND
         elif t >= craft.losses[high]:
             choice = FIRST
+        if choice == FIRST:  # the one that keeps its velocity is the reference of estimates
+            for k in range(6):
+                craft.rows[low, ESTIMATE + k] -= craft.rows[high, ESTIMATE + k]
+                craft.rows[high, ESTIMATE + k] = 0.0
         for k in range(3):
-            one, other = craft.rows[low, VELOCITY + k], craft.rows[high, VELOCITY + k]
+            one = craft.rows[low, VELOCITY + k] + craft.rows[low, ESTIMATE + 3 + k]
+            other = craft.rows[high, VELOCITY + k] + craft.rows[high, ESTIMATE + 3 + k]
             shared[k] = one if choice == SECOND else (other if choice == FIRST else 0.5 * (one + other))
     for m in range(len(craft.labels)):
         if craft.labels[m] == FORMATION and (craft.fresh[m] or not formed):

@@ -8,7 +8,7 @@ of its edges.
 from math import asin, cos, inf, pi, sin, sqrt
 
 from closeform._jit import kernel
-from closeform.search.gathering.craft_state import VELOCITY
+from closeform.search.gathering.craft_state import ESTIMATE, VELOCITY
 from closeform.search.gathering.keep_out_monitor import index_of_zone, times, within, zone_at
 
 SPOKES = 48  # generators of the cone tried before the best is refined
@@ -39,10 +39,11 @@ def zone_of_set(zones, craft, i, m):
 
 @kernel()
 def relative_state(craft, i, m, velocity, r, v):
-    """Write position and velocity of craft i relative to craft m, if i had the given velocity."""
+    """Write the estimated state of craft i relative to craft m, if i had the estimated velocity."""
+    one, other = craft.rows[i], craft.rows[m]
     for k in range(3):
-        r[k] = craft.rows[i, k] - craft.rows[m, k]
-        v[k] = velocity[k] - craft.rows[m, VELOCITY + k]
+        r[k] = one[k] + one[ESTIMATE + k] - (other[k] + other[ESTIMATE + k])
+        v[k] = velocity[k] - (other[VELOCITY + k] + other[ESTIMATE + 3 + k])
 
 
 @kernel()
@@ -174,11 +175,12 @@ def candidate(zone, way, r, v, out, scratch):
 def smallest_correction(zones, craft, i, duration, best, scratch):
     """Return the size of the smallest burn that keeps craft i clear of its set for `duration`.
 
-    The velocity goes to `best`. The result is 0 if no burn is needed, and inf if none was found among those
-    that pass one of the others tangentially, do not approach it, or stop relative to it.
+    The estimated velocity goes to `best`. The result is 0 if no burn is needed, and inf if none was found
+    among those that pass one of the others tangentially, do not approach it, or stop relative to it.
     """
-    r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[4]
-    velocity = craft.rows[i, VELOCITY : VELOCITY + 3]
+    r, v, out, tried, velocity = scratch[0], scratch[1], scratch[2], scratch[4], scratch[10]
+    for k in range(3):
+        velocity[k] = craft.rows[i, VELOCITY + k] + craft.rows[i, ESTIMATE + 3 + k]
     if clear_of_all(zones, craft, i, velocity, duration, r, v):
         return 0.0
     least = inf
@@ -194,7 +196,7 @@ def smallest_correction(zones, craft, i, duration, best, scratch):
             size = 0.0
             for k in range(3):
                 size += (out[k] - v[k]) ** 2
-                tried[k] = out[k] + craft.rows[m, VELOCITY + k]
+                tried[k] = out[k] + craft.rows[m, VELOCITY + k] + craft.rows[m, ESTIMATE + 3 + k]
             size = sqrt(size)
             if size < least and clear_of_all(zones, craft, i, tried, duration, r, v):
                 least = size

@@ -10,9 +10,10 @@ LOCK, BURN, CORRECTION, NEAR_FIELD = range(4)  # kinds of events
 KNOWN_LOCK = 4  # of two craft of one set, which joins nothing
 EVENT = 10  # columns of an event: time, kind, first, second, leg, case, label, delta-v (3)
 # columns of a craft after its position: velocity, the time of both, the delta-v spent in all, on corrections
-# and in the near field, the number of burns, whether it is adrift, and the burn errors of this instant
-VELOCITY, SINCE, SPENT, CORRECTED, NEAR_FIELD_SPENT, BURNS, ADRIFT, ERROR = 3, 6, 7, 8, 9, 10, 11, 12
-COLUMNS = 15
+# and in the near field, the number of burns, whether it is adrift, the burn errors of this instant, and the
+# error of its estimated state (6), relative to a reference that its set shares
+VELOCITY, SINCE, SPENT, CORRECTED, NEAR_FIELD_SPENT, BURNS, ADRIFT, ERROR, ESTIMATE = 3, *range(6, 13), 15
+COLUMNS = 21
 
 
 class CraftState(NamedTuple):
@@ -20,7 +21,9 @@ class CraftState(NamedTuple):
 
     `rows` (N, COLUMNS); `labels` (N,): the set of each; `moved` (N,): whether it has burned since locks were
     last predicted; `fresh` (N,): whether it is new to the set of the last lock; `shared` (3,): the velocity
-    of the formation set. Burn errors: `losses`, `gates` and `normals` as in `BurnErrors`, of this case.
+    of the formation set, as estimated. Burn errors: `losses`, `gates` and `normals` as in `BurnErrors`, of
+    this case. `accuracy` (3,): that of `Sensor`; `fixes` (K, 2, 3): normal random numbers of both fixes of
+    each lock that joins sets, K = 0 for exact ones.
     """
 
     rows: Floats
@@ -31,6 +34,8 @@ class CraftState(NamedTuple):
     losses: Floats
     gates: Floats
     normals: Floats
+    accuracy: Floats
+    fixes: Floats
 
 
 class EventLog(NamedTuple):
@@ -52,10 +57,11 @@ def place(craft, positions, velocities):
 
 @kernel()
 def advance(craft, i, t):
-    """Propagate the row of craft i to time t."""
+    """Propagate the row of craft i to time t, with the error of its estimate."""
     row = craft.rows[i]
     for k in range(3):
         row[k] += row[VELOCITY + k] * (t - row[SINCE])
+        row[ESTIMATE + k] += row[ESTIMATE + 3 + k] * (t - row[SINCE])
     row[SINCE] = t
 
 

@@ -1,6 +1,6 @@
 """Gathering as a sequence of events: the next lock or near-field burn, the sets it joins, and the burns."""
 
-from math import inf
+from math import inf, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,15 +22,19 @@ from closeform.search.gathering.craft_state import (
     BURNS,
     COLUMNS,
     CORRECTED,
+    ESTIMATE,
     KNOWN_LOCK,
     LOCK,
     NEAR_FIELD_SPENT,
     SPENT,
+    VELOCITY,
     CraftState,
     EventLog,
+    advance,
     place,
     record,
 )
+from closeform.search.gathering.fixes import measure
 from closeform.search.gathering.join_rule import (
     FORMATION,
     case_number,
@@ -50,12 +54,16 @@ from closeform.search.gathering.lock_prediction import HELD, SearchingCraft, ear
 from closeform.search.lock_march import NEVER
 from closeform.search.schedule import START
 
-# columns of a result; from RESULT on the delta-v of each craft, then whether each is adrift
-END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, NEAR_FIELD, RESULT = range(11)
+# columns of a result; from RESULT on the delta-v of each craft (N), whether each is adrift (N), and the error
+# of each estimated state (6 N)
+END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, NEAR_FIELD = range(10)
+RESIDUAL, MISPLACED, RESULT = range(10, 13)
+PER_CRAFT = 8  # columns from RESULT on, for each craft
 ROWS, BLOCKS, INDICES, LABELS = float64[:, ::1], float64[:, :, ::1], int64[::1], int64[:, ::1]
+NORMALS = float64[:, :, :, ::1]
 
 
-# of C gatherings: `end` (C,), `burns` (C, P, 6) and `errors` (C, N, 9 + 2 K), of length 1 if all are alike
+# of C gatherings: `end` (C,), `burns` (C, P, 6) and `errors` (C, N, 10 + 2 K), of length 1 if all are alike
 SEARCHING = Lent(
     types.NamedTuple(
         (ROWS, INDICES, INDICES, float64[::1], BLOCKS, BLOCKS, float64, float64, boolean, ROWS),
@@ -74,13 +82,29 @@ def leg_at(legs, t):
 
 
 @kernel()
+def spread_of(craft, column, formed):
+    """Return the largest distance of three columns of the formation set (`formed` craft) from their mean."""
+    most, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for i in range(len(craft.labels)):
+        if craft.labels[i] == FORMATION:
+            row = craft.rows[i]
+            x, y, z = x + row[column] / formed, y + row[column + 1] / formed, z + row[column + 2] / formed
+    for i in range(len(craft.labels)):
+        if craft.labels[i] == FORMATION:
+            row = craft.rows[i]
+            away = (row[column] - x) ** 2 + (row[column + 1] - y) ** 2 + (row[column + 2] - z) ** 2
+            most = max(most, sqrt(away))
+    return most
+
+
+@kernel()
 def simulate_gathering(search, monitor, craft, log, locks, choice, result):
     """Simulate one gathering from placed craft and their next `locks` (A, B); write its outcome to `result`.
 
     The first pair burns by the given choice.
     """
     labels, burns, t, leg = craft.labels, search.burns, 0.0, NEVER
-    formed, unused, k = 0, 1, 0
+    formed, unused, joins, k = 0, 1, 0, 0
     log.count[0] = 0
     reset(monitor)
     while formed < len(labels):
@@ -103,6 +127,8 @@ def simulate_gathering(search, monitor, craft, log, locks, choice, result):
             unused += label == unused
             check_joining(monitor, craft, low, high, t)
             join(labels, craft.fresh, low, high, label)
+            measure(craft, low, high, t, joins)
+            joins += 1
             record(log, t, LOCK, low, high, leg, case_number(one, other), label, (0.0, 0.0, 0.0))
             if label == FORMATION:
                 join_formation(monitor, craft, log, t, low, high, leg, choice, formed > 0)
@@ -123,7 +149,14 @@ def simulate_gathering(search, monitor, craft, log, locks, choice, result):
         result[CORRECTIONS] += row[CORRECTED]
         result[NEAR_FIELD] += row[NEAR_FIELD_SPENT]
         result[MOST] = max(result[MOST], row[BURNS])
+        advance(craft, i, t)
         result[RESULT + i], result[RESULT + len(labels) + i] = row[SPENT], row[ADRIFT]
+        for m in range(6):
+            result[RESULT + 2 * len(labels) + 6 * i + m] = row[ESTIMATE + m]
+    result[RESIDUAL], result[MISPLACED] = (
+        spread_of(craft, VELOCITY, formed),
+        spread_of(craft, ESTIMATE, formed),
+    )
 
 
 class Scratch(NamedTuple):
@@ -143,6 +176,7 @@ def simulate_each(searching, errors, choices, positions, velocities, monitor, lo
     first, second, legs = borrowed(searching.first), borrowed(searching.second), borrowed(searching.legs)
     monitor, log, scratch = lent(monitor), lent(log), lent(scratch)
     losses, gates, normals = borrowed(errors[0]), borrowed(errors[1]), borrowed(errors[2])
+    accuracy, fixes = borrowed(errors[3]), borrowed(errors[4])
     positions, velocities = borrowed(positions), borrowed(velocities)
     labels, results = borrowed(labels), borrowed(results)
     for c in range(len(positions)):
@@ -151,7 +185,8 @@ def simulate_each(searching, errors, choices, positions, velocities, monitor, lo
         sensors = rows, searching.offset, searching.step, searching.all_locks, searching.segments
         search = lent(SearchingCraft(legs, first, second, end, burns, *sensors))
         memory = scratch.rows, labels[c], scratch.moved, scratch.fresh, scratch.shared
-        craft = lent(CraftState(*memory, losses[c], gates, normals[c]))
+        wrong = losses[c], gates, normals[c], accuracy, fixes[c]
+        craft = lent(CraftState(*memory, *wrong))
         place(craft, positions[c], velocities[c])
         craft.moved[:], scratch.initial[:] = True, 0.0
         predict_locks(search, craft, scratch.initial, 0.0)
@@ -162,7 +197,10 @@ def simulate_each(searching, errors, choices, positions, velocities, monitor, lo
 
 
 @kernel(
-    void(SEARCHING, ZONES, ROWS, ROWS, float64[:, :, :, ::1], INDICES, BLOCKS, BLOCKS, ROWS, LABELS, BLOCKS)
+    void(
+        *(SEARCHING, ZONES, ROWS, ROWS, NORMALS, float64[::1], NORMALS, INDICES),
+        *(BLOCKS, BLOCKS, ROWS, LABELS, BLOCKS),
+    )
 )
 def simulate_gatherings(
     searching: SearchingCraft,
@@ -170,6 +208,8 @@ def simulate_gatherings(
     losses: Floats,
     gates: Floats,
     normals: Floats,
+    accuracy: Floats,
+    fixes: Floats,
     choices: Any,
     positions: Floats,
     velocities: Floats,
@@ -179,7 +219,7 @@ def simulate_gatherings(
 ) -> None:
     """Simulate gatherings (C,), each with all given choices of burns; `events` holds those of the last.
 
-    `labels` (C, N) are those of the last choice, and `results` is (C, choices, RESULT + 2 N). All scratch
+    `labels` (C, N) are those of the last choice, and `results` is (C, choices, RESULT + 8 N). All scratch
     arrays are allocated here, so that inner functions do not count references.
     """
     count, pairs = positions.shape[1], (len(searching.first), len(searching.second))
@@ -187,6 +227,6 @@ def simulate_gatherings(
     scratch = Scratch(np.empty((count, COLUMNS)), moved, fresh, np.empty(3), np.empty(pairs), np.empty(pairs))
     watched = count if len(zones.boxes) else 0
     checked, violated = np.empty((watched, watched)), np.empty((watched, watched), dtype=np.int64)
-    monitor = KeepOutMonitor(watched > 0, zones, checked, violated, np.empty((10, 3)))
-    log, errors = EventLog(events, np.zeros(1, dtype=np.int64)), (losses, gates, normals)
+    monitor = KeepOutMonitor(watched > 0, zones, checked, violated, np.empty((11, 3)))
+    log, errors = EventLog(events, np.zeros(1, dtype=np.int64)), (losses, gates, normals, accuracy, fixes)
     simulate_each(searching, errors, choices, positions, velocities, monitor, log, scratch, labels, results)

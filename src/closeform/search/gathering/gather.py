@@ -21,7 +21,9 @@ from closeform.search.gathering.event_simulation import (
     END_TIME,
     KNOWN,
     LEFT,
+    MISPLACED,
     NEAR_FIELD,
+    RESIDUAL,
     RESULT,
     TOTAL,
     UNKNOWN,
@@ -32,8 +34,11 @@ from closeform.search.gathering.problem import (
     Burns,
     GatheringProblem,
     Groups,
+    ahead,
     gathering_problem,
+    groups_by_bearing,
     initial_states,
+    random_fixes,
 )
 from closeform.search.gathering.result import (
     Event,
@@ -45,7 +50,7 @@ from closeform.search.gathering.result import (
 )
 from closeform.search.lock_march import in_parts
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, errors_of_first_case
+from closeform.search.search_errors import SearchErrors, errors_of_cases
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
@@ -66,6 +71,8 @@ def gather(
     max_speed: float | None = None,
     errors: SearchErrors | None = None,
     step: float | None = None,
+    seed: int = 0,
+    case: int = 0,
 ) -> Gathering:
     """Simulate a gathering: lost craft search, lock and join until one formation set holds them all.
 
@@ -80,8 +87,9 @@ def gather(
         Positions at the start of the search, in the inertial frame, in deep space.
     velocities : array_like of shape (N, 3) [m/s]
         Velocities in the inertial frame.
-    groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
-        A, B, A, ...; the first half A (H03's 3:2); or one for each craft.
+    groups : "alternating", "balanced", "bearing" or sequence of "A" or "B", default "alternating"
+        A, B, A, ...; the first half A (H03's 3:2); the half in front B, as hemisphere antennas can tell
+        (docs/lost_craft.md); or one for each craft.
     keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
         One zone for all or one for each craft, as in `screen`, but a Sphere, Ellipsoid or Box. Craft of a
         set that would enter it before the end of the search make a correction.
@@ -99,6 +107,8 @@ def gather(
         burns in the near-field search, by its own clock.
     step : float [s], optional
         Detect locks only at multiples of this time, as a processor does (H03: 1 s). Default: at any time.
+    seed, case : int, default 0
+        Seed and case of the random measurement errors, if the sensor has any.
 
     Returns
     -------
@@ -122,8 +132,8 @@ def gather(
     H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/lost_craft.md.
     """
     where, speeds = initial_states(positions, velocities, 2)
-    options = keep_out, rounds, burns, max_speed, errors, step
-    problem = gathering_problem(search, groups, where.shape[:2], *options)
+    options = keep_out, rounds, burns, max_speed, errors, step, seed, case
+    problem = gathering_problem(search, _assigned(groups, where), where.shape[:2], *options)
     results = problem.simulate(where, speeds, list(CHOICES))[2]
     totals = dict(zip(CHOICES, results[0, :, TOTAL].tolist(), strict=True))
     best = [*CHOICES][best_choice(results)[0]] if burns == "least" else burns
@@ -143,6 +153,8 @@ def gather_cases(
     max_speed: float | None = None,
     errors: SearchErrors | None = None,
     step: float | None = None,
+    seed: int = 0,
+    case: int = 0,
 ) -> Gatherings:
     """Simulate many gatherings on all cores, as `gather` does, without paths and events.
 
@@ -154,8 +166,8 @@ def gather_cases(
         Positions of each case at the start of the search, in the inertial frame, in deep space.
     velocities : array_like of shape (C, N, 3) [m/s]
         Velocities in the inertial frame.
-    groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
-        As in `gather`, the same in all cases.
+    groups : "alternating", "balanced", "bearing" or sequence of "A" or "B", default "alternating"
+        As in `gather`; "bearing" gives each case its own.
     keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
         As in `gather`.
     rounds : int, default 2
@@ -168,6 +180,8 @@ def gather_cases(
         Search errors of the craft of each case, (C, N), or (N,) for all cases.
     step : float [s], optional
         As in `gather`.
+    seed, case : int, default 0
+        Seed of the random measurement errors, and number of the first case.
 
     Returns
     -------
@@ -183,10 +197,18 @@ def gather_cases(
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/lost_craft.md.
     """
-    where, speeds = initial_states(positions, velocities, 3)
-    options = keep_out, rounds, burns, max_speed, errors, step
-    problem = gathering_problem(search, groups, where.shape[:2], *options)
-    return gatherings(problem, simulate_best(problem, where, speeds, burns)[0])
+    return gather_cases_with_losses(
+        *(search, positions, velocities, None),
+        groups=groups,
+        keep_out=keep_out,
+        rounds=rounds,
+        burns=burns,
+        max_speed=max_speed,
+        errors=errors,
+        step=step,
+        seed=seed,
+        case=case,
+    )[0]
 
 
 def gather_with_burn_errors(
@@ -195,6 +217,8 @@ def gather_with_burn_errors(
     positions: ArrayLike,
     velocities: ArrayLike,
     burn_errors: BurnErrors,
+    *,
+    groups: Groups,
     **arguments: Any,
 ) -> Gathering:
     """Return the outcome of a gathering as `planned`, with the errors (1, N) of its burns.
@@ -203,14 +227,23 @@ def gather_with_burn_errors(
     of the plan, because the errors are not known in advance.
     """
     where, speeds = initial_states(positions, velocities, 2)
-    problem, best = gathering_problem(search, shape=where.shape[:2], **arguments), planned.burns
-    room = ROOM * where.shape[1]
+    problem = gathering_problem(search, _assigned(groups, where), where.shape[:2], **arguments)
+    best, room = planned.burns, ROOM * where.shape[1]
     simulated = problem.simulate(where, speeds, [best], burn_errors=burn_errors, room=room)
     return gathering(problem, where[0], speeds[0], best, planned.totals, *simulated)
 
 
 def gather_cases_with_losses(
-    search: Search, positions: ArrayLike, velocities: ArrayLike, shares: Floats, **arguments: Any
+    search: Search,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    shares: Floats | None,
+    *,
+    groups: Groups,
+    errors: SearchErrors | None,
+    seed: int = 0,
+    case: int = 0,
+    **arguments: Any,
 ) -> tuple[Gatherings, Floats]:
     """Return gatherings as `gather_cases` does, with losses of thrust, and the times of these (C, N) [s].
 
@@ -218,8 +251,33 @@ def gather_cases_with_losses(
     nan for such craft and after the end of the case.
     """
     where, speeds = initial_states(positions, velocities, 3)
-    problem = gathering_problem(search, shape=where.shape[:2], **arguments)
-    results, choices = simulate_best(problem, where, speeds, arguments["burns"])
+    fixes, shape = random_fixes(search, where.shape[:2], seed, case), where.shape[:2]
+    shares = np.full(shape, np.nan) if shares is None else shares
+
+    def outcomes(own: Groups, some: Any) -> tuple[GatheringProblem, Floats, Floats]:
+        wrong = errors_of_cases(errors, shape, some)
+        problem = gathering_problem(
+            search, own, where[some].shape[:2], errors=wrong, fixes=fixes[some], **arguments
+        )
+        return problem, *_with_losses(problem, where[some], speeds[some], arguments["burns"], shares[some])
+
+    if not (isinstance(groups, str) and groups == "bearing"):
+        problem, results, losses = outcomes(groups, slice(None))
+        return gatherings(problem, results), losses
+    _, which = np.unique(ahead(where), axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    parts = np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1])
+    found = [outcomes(groups_by_bearing(where[some[0]]), some) for some in parts]
+    back = np.argsort(order)
+    results, losses = (np.concatenate([one[k] for one in found])[back] for k in (1, 2))
+    return gatherings(found[0][0], results), losses
+
+
+def _with_losses(
+    problem: GatheringProblem, where: Floats, speeds: Floats, burns: Burns, shares: Floats
+) -> tuple[Floats, Floats]:
+    """Return the results of gatherings (C, ...) and the times at which craft (C, N) lose their thrust [s]."""
+    results, choices = simulate_best(problem, where, speeds, burns)
     losses = shares * results[:, END_TIME, None]
     (failing,) = np.nonzero(~np.isnan(losses).all(axis=1))
 
@@ -230,7 +288,12 @@ def gather_cases_with_losses(
         results[which] = each[np.arange(len(which)), choices[which]]
 
     in_parts(part, len(failing), EACH_CALL)
-    return gatherings(problem, results), np.where(losses <= results[:, END_TIME, None], losses, np.nan)
+    return results, np.where(losses <= results[:, END_TIME, None], losses, np.nan)
+
+
+def _assigned(groups: Groups, where: Floats) -> Groups:
+    """Return the groups of one gathering at positions (1, N, 3); those by bearings become letters."""
+    return groups_by_bearing(where[0]) if isinstance(groups, str) and groups == "bearing" else groups
 
 
 def simulate_best(
@@ -264,7 +327,9 @@ def gatherings(problem: GatheringProblem, results: Floats) -> Gatherings:
         results[:, RESULT : RESULT + count],
         results[:, UNKNOWN].astype(np.int64),
         results[:, KNOWN].astype(np.int64),
-        results[:, RESULT + count :].sum(axis=1).astype(np.int64),
+        results[:, RESULT + count : RESULT + 2 * count].sum(axis=1).astype(np.int64),
+        results[:, RESIDUAL],
+        results[:, MISPLACED],
     )
 
 
@@ -295,13 +360,12 @@ def gathering(
     members = tuple(tuple(map(int, some)) for some in sets)
     lost = tuple(map(int, np.flatnonzero(labels == LOST)))
     done = results[0, 0, LEFT] == 0
-    adrift = tuple(np.flatnonzero(results[0, 0, RESULT + len(positions) :]).tolist())
+    delta_v, failed, estimates = np.split(results[0, 0, RESULT:], [len(positions), 2 * len(positions)])
+    adrift = tuple(np.flatnonzero(failed).tolist())
     ended = GatherStatus.ADRIFT if adrift else GatherStatus.GATHERED
     known = events[:, 1] == KNOWN_LOCK
     repeated, events = events[known], events[~known]
     burned = events[events[:, 1] != LOCK]
-    delta_v = np.zeros(len(positions))
-    np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))
     begun = int(problem.rounds_begun(duration))
     return Gathering(
         problem.search,
@@ -319,8 +383,9 @@ def gathering(
         ended if done else GatherStatus.INCOMPLETE,
         reason_incomplete(members, lost, begun, adrift=adrift) or None,
         problem.keep_out,
-        None if problem.errors is None else errors_of_first_case(problem.errors),
+        errors_of_cases(problem.errors, (1, len(problem.groups)), 0),
         adrift,
+        estimates.reshape(-1, 6),
     )
 
 

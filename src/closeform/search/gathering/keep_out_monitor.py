@@ -44,7 +44,7 @@ class KeepOutMonitor(NamedTuple):
     """Violations of the `zones` of pairs; `on` if there are any zones.
 
     `checked` (N, N): the time [s] up to which each pair i < j was checked; `violated` (N, N): the result;
-    `scratch` (10, 3): rows 0 to 7 are used here and by `collision_avoidance`, rows 8 and 9 by `burns`.
+    `scratch` (11, 3): rows 0 to 7 and 10 are used here and by `collision_avoidance`, 8 and 9 by `burns`.
     """
 
     on: bool

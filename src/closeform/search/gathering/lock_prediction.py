@@ -20,7 +20,7 @@ class SearchingCraft(NamedTuple):
 
     `legs` are those of `Search.table`; `first` (A,) and `second` (B,) the craft of the groups; `end` [s] that
     of all turns. `burns` (P, 6): the near-field burns in order of time: time, craft, leg, delta-v. `errors`
-    (N, 9 + 2 K) are the craft's rows of search errors, and `offset` [m] is that of their sensors. Locks are
+    (N, 10 + 2 K) are the craft's rows of search errors, and `offset` [m] is that of their sensors. Locks are
     detected at multiples of `step` [s], at any time if it is 0. With `all_locks` also the first lock of two
     craft of one set is found. `segments` (2, SEGMENT) is scratch memory.
     """

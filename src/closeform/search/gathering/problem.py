@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, finite, instance, positive, shown
+from closeform.arrays import LARGEST, Floats, finite, instance, positive, shown, whole
 from closeform.search.gathering.burn_errors import BurnErrors
 from closeform.search.gathering.burns import DELTA_V, FIRST, HALF, SECOND, WHEN
 from closeform.search.gathering.collision_avoidance import ENLARGED
@@ -18,6 +18,7 @@ from closeform.search.gathering.craft_state import EVENT
 from closeform.search.gathering.event_simulation import (
     EVENTS,
     MOST,
+    PER_CRAFT,
     RESULT,
     simulate_gatherings,
 )
@@ -28,6 +29,7 @@ from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, craft_rows, errors_of_each
 from closeform.search.slew_profile import SEGMENT, ExecutedTurns
+from closeform.uncertainty.random_streams import uniform
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, all_made, pair_zones
 from closeform.zones.shapes import BALL, CUBE
@@ -36,7 +38,7 @@ from closeform.zones.zone import Zone
 CHOICES = {"second": SECOND, "first": FIRST, "half": HALF}  # of equal costs the first is chosen
 FEW = 4  # number of burns of each craft with random numbers at first
 Burns = Literal["least", "first", "second", "half"]
-Groups = Literal["alternating", "balanced"] | Sequence[Group]
+Groups = Literal["alternating", "balanced", "bearing"] | Sequence[Group]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +46,9 @@ class GatheringProblem:
     """Checked arguments of C gatherings of the same N craft.
 
     `search` is that over all `rounds`, `errors` (C or 1, N) are None without search errors, and `rows` (C or
-    1, N, 9 + 2 K) those of kernels. In each of `burn_legs` a lost craft burns `near_field_burn` [m/s].
-    Locks are detected every `step` [s], at any time if it is 0.
+    1, N, 10 + 2 K) those of kernels. In each of `burn_legs` a lost craft burns `near_field_burn` [m/s].
+    Locks are detected every `step` [s], at any time if it is 0. `fixes` (C, K, 2, 3) are normal random
+    numbers of the measurements, with K = 0 for exact ones.
     """
 
     search: Search
@@ -57,6 +60,7 @@ class GatheringProblem:
     errors: SearchErrors | None
     rows: Floats
     step: float
+    fixes: Floats
 
     def simulate(
         self,
@@ -73,17 +77,19 @@ class GatheringProblem:
 
         Returns the events (E, 10) of the last case and choice if there is `room` for any, with the locks of
         craft that know each other, the labels (C, N)
-        of the last choice, and results (C, choices, RESULT + 2 N). `burn_errors` have random numbers for
+        of the last choice, and results (C, choices, RESULT + 8 N). `burn_errors` have random numbers for
         `sampled` burns of each craft; the simulation is repeated if these or the room do not suffice.
         """
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
-        results = np.empty((len(positions), len(choices), RESULT + 2 * positions.shape[1]))
+        results = np.empty((len(positions), len(choices), RESULT + PER_CRAFT * positions.shape[1]))
         wrong = burn_errors or BurnErrors.none(positions.shape[:2])
         simulate_gatherings(
             self._searching(some, room > 0),
             self._zones,
             *wrong.sampled(sampled),
+            self.search.sensor._accuracy,
+            np.ascontiguousarray(self.fixes[some]),
             np.array([CHOICES[choice] for choice in choices]),
             positions,
             velocities,
@@ -161,8 +167,11 @@ def gathering_problem(
     max_speed: float | None,
     errors: SearchErrors | None,
     step: float | None = None,
+    seed: int = 0,
+    case: int = 0,
+    fixes: Floats | None = None,
 ) -> GatheringProblem:
-    """Return the problem of gatherings (C, N) from the arguments of `gather`.
+    """Return the problem of gatherings (C, N) from the arguments of `gather`; `fixes` replace random ones.
 
     Raises ValueError, with the name of the argument, for invalid ones.
     """
@@ -187,10 +196,28 @@ def gathering_problem(
     asked = f"{count} craft{cases}, or common to all"
     rows = craft_rows(errors, search.sensor, each, np.array(own_groups) == "B", asked)
     errors = None if errors is None else errors_of_each(errors, each)
+    if errors is not None and errors.solar_acceleration.any():
+        raise ValueError("errors: solar_acceleration is for lock_times; a gathering moves on straight lines")
     near_field_burn = 2.0 * (speed or 0.0)
     every = 0.0 if step is None else positive("step", step)
     begun = repeated, int(rounds), burn_legs, own_groups
-    return GatheringProblem(*begun, kept, near_field_burn, errors, rows, every)
+    if fixes is None:
+        fixes = random_fixes(search, shape, seed, case)
+    return GatheringProblem(*begun, kept, near_field_burn, errors, rows, every, fixes)
+
+
+def random_fixes(search: Search, shape: tuple[int, ...], seed: int, case: int) -> Floats:
+    """Return the random numbers (C, N - 1, 2, 3) of the fixes of gatherings (C, N) from a `case` on.
+
+    They are normal; (C, 0, 2, 3) for a sensor that measures exactly.
+    """
+    (cases, craft), seed, first = shape, whole("seed", seed), whole("case", case)
+    if instance("search", search, Search).sensor._exact:
+        return np.empty((cases, 0, 2, 3))
+    from scipy.special import ndtri  # imported late: slow to import
+
+    random = uniform(seed, "fixes", 2 * (craft - 1), first, first + cases)
+    return np.asarray(ndtri(random[..., :3]).reshape(cases, craft - 1, 2, 3))
 
 
 def check_zone(zone: Any) -> None:
@@ -207,7 +234,8 @@ def groups_of(groups: Groups, count: int) -> tuple[Group, ...]:
     if isinstance(groups, str):
         if groups not in ("alternating", "balanced"):
             raise ValueError(
-                f'groups: "alternating", "balanced" or one of A, B for each craft, got {shown(groups)}'
+                'groups: "alternating", "balanced", "bearing" or one of A, B for each craft, '
+                f"got {shown(groups)}"
             )
         middle = (count + 1) // 2  # H03 figure 3: three and two of five
         second = [k % 2 == 1 if groups == "alternating" else k >= middle for k in range(count)]
@@ -223,6 +251,22 @@ def groups_of(groups: Groups, count: int) -> tuple[Group, ...]:
         if group not in given:
             raise ValueError(f"groups: {group} is empty; craft of one group never see each other")
     return given
+
+
+def ahead(positions: Floats) -> Any:
+    """Return which craft (..., N) are in B by bearings: the half ahead along the first boresight of A.
+
+    With hemisphere antennas each craft knows on which side of its body x-y each other is, which ranks all
+    along the first boresight. Each pair of A and B then begins with boresights towards each other.
+    """
+    count = positions.shape[-2]
+    order = np.argsort(positions[..., 0], axis=-1, kind="stable")
+    return np.argsort(order, axis=-1) >= (count + 1) // 2
+
+
+def groups_by_bearing(positions: Floats) -> tuple[Group, ...]:
+    """Return the groups of one gathering of craft at these positions (N, 3), by bearings."""
+    return tuple("B" if there else "A" for there in ahead(positions))
 
 
 def initial_states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tuple[Floats, Floats]:

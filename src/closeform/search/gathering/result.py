@@ -129,6 +129,9 @@ class Gathering(Result):
         Search errors of the craft (N,), as given.
     adrift : tuple of int
         Craft of the formation set without the thrust to match its velocity, in a case of a study.
+    estimates : array of shape (N, 6) [m, m/s]
+        Error of each craft's estimated state at the end, in the inertial frame, relative to a reference that
+        its set shares: zero for a sensor without measurement errors.
     """
 
     search: Search
@@ -146,8 +149,9 @@ class Gathering(Result):
     status: GatherStatus
     reason: str | None
     keep_out: PairZones | None = field(repr=False)
-    errors: SearchErrors | None = field(default=None, repr=False)
-    adrift: tuple[int, ...] = ()
+    errors: SearchErrors | None = field(repr=False)
+    adrift: tuple[int, ...]
+    estimates: Floats = field(repr=False)
 
     @property
     def ok(self) -> bool:
@@ -198,12 +202,24 @@ class Gathering(Result):
     def residual_speeds(self) -> Floats:
         """Final speed of each craft relative to the mean of the formation set (N,) [m/s]; nan outside of it.
 
-        Exact burns leave none; in a case of a study, their execution errors do.
+        Exact measurements and burns leave none.
         """
-        velocities, inside = self.paths.velocity(self.duration), np.zeros(len(self.groups), dtype=bool)
+        return self._from_mean(self.paths.velocity(self.duration))
+
+    @property
+    def position_errors(self) -> Floats:
+        """Final error of each estimated position, relative to the mean error of the formation set (N,) [m].
+
+        It is nan outside of the set, and grows with the residual velocity from the lock on.
+        """
+        return self._from_mean(self.estimates[:, :3])
+
+    def _from_mean(self, vectors: Floats) -> Floats:
+        """Return the distance of each vector (N, 3) from the mean of the formation set; nan outside of it."""
+        inside = np.zeros(len(self.groups), dtype=bool)
         inside[list(self.sets[0]) if self.sets else []] = True
-        mean = velocities[inside].mean(axis=0) if self.sets else np.zeros(3)
-        return np.where(inside, np.linalg.norm(velocities - mean, axis=1), np.nan)
+        mean = vectors[inside].mean(axis=0) if self.sets else np.zeros(3)
+        return np.where(inside, np.linalg.norm(vectors - mean, axis=1), np.nan)
 
     @cached_property
     def history(self) -> Any:
@@ -319,6 +335,10 @@ class Gatherings(Rows):
         Number of pairs that did so only after.
     adrift : array of int of shape (C,)
         Number of craft of the formation set without the thrust to match its velocity, in a study.
+    residual_speed : array of shape (C,) [m/s]
+        Largest final speed of a craft relative to the mean of the formation set.
+    position_error : array of shape (C,) [m]
+        Largest final error of an estimated position, relative to the mean error of the formation set.
     """
 
     _columns: ClassVar = {
@@ -332,6 +352,8 @@ class Gatherings(Rows):
         "met_unknown": "met_unknown",
         "met_known": "met_known",
         "adrift": "adrift",
+        "residual_speed": "residual_speed_m_s",
+        "position_error": "position_error_m",
     }
 
     search: Search
@@ -346,6 +368,8 @@ class Gatherings(Rows):
     met_unknown: Any
     met_known: Any
     adrift: Any
+    residual_speed: Floats
+    position_error: Floats
 
     def __len__(self) -> int:
         return len(self.duration)
