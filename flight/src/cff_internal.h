@@ -4,6 +4,7 @@
 
 #include "closeform_flight.h"
 
+#define CFF_PI 3.14159265358979323846
 #define CFF_FOREVER 1.0e300 /* a time that no end is beyond */
 #define CFF_ORDER ((uint32_t)8U)       /* derivatives of a relative position that a view holds at most */
 #define CFF_COAST_ORDER ((uint32_t)4U) /* those of natural motion */
@@ -92,6 +93,10 @@ void cfi_evaluate(const cfi_view_t *view, double t, cfi_motion_t *out);
 void cfi_bounds(const cfi_view_t *view, double h, cfi_bounds_t *out);
 double cfi_taylor_step(const cfi_view_t *view, double longest, double target, bool inside);
 bool cfi_coasts_apart(const cfi_view_t *view, cff_shape_t shape, double h);
+
+/* cff_search.c */
+void cfi_cross(const double a[3], const double b[3], double out[3]);
+bool cfi_leg_is_good(const cff_leg_t *leg);
 
 /* cff_extremum.c */
 double cfi_minimum(const cfi_view_t *view, cff_shape_t shape, double stop, uint32_t patience, double *best,
