@@ -20,6 +20,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define CFF_VERSION "0.1"
 #define CFF_LARGEST 1.0e60          /* of a number: beyond, squares and cubes overflow */
 #define CFF_LARGEST_ANGLE_RAD 6.0e5 /* of an arc: beyond, the phase of an orbit loses digits */
@@ -268,5 +272,9 @@ cff_status_t cff_gathering_begin(cff_gathering_t *gathering, uint32_t count, cff
  */
 cff_status_t cff_gathering_lock(cff_gathering_t *gathering, double time_s, uint32_t i, uint32_t j,
                                 const double velocities_m_s[][3], cff_join_t *join);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif
