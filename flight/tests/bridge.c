@@ -5,7 +5,7 @@
 int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
                          const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix,
                          uint32_t evaluations, double *rows, int64_t capacity, int64_t *evaluations_used, int64_t *status,
-                         int64_t nearest)
+                         int64_t nearest, const cff_table_t *chief)
 {
     cff_zone_t zone;
     int64_t total = 0;
@@ -14,8 +14,8 @@ int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cf
         zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
     }
     for (int64_t p = 0; p < pairs; p++) {
-        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p])};
-        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p])};
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p]), chief};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p]), chief};
         cff_conflict_search_t search;
         cff_conflict_t conflicts[64];
         uint32_t count = 0;
@@ -52,7 +52,8 @@ int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cf
 /* Closest approaches over the common time: (time, ratio) for each pair. */
 void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
                        const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix,
-                       uint32_t evaluations, double *out, int64_t *evaluations_used, int64_t *status)
+                       uint32_t evaluations, double *out, int64_t *evaluations_used, int64_t *status,
+                       const cff_table_t *chief)
 {
     cff_zone_t zone;
     zone.shape = (cff_shape_t)shape;
@@ -60,8 +61,8 @@ void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_
         zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
     }
     for (int64_t p = 0; p < pairs; p++) {
-        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p])};
-        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p])};
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p]), chief};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p]), chief};
         const double s1 = one.arcs[0].start_s, s2 = other.arcs[0].start_s;
         const double e1 = one.arcs[one.count - 1].end_s, e2 = other.arcs[other.count - 1].end_s;
         cff_approach_t near;
@@ -72,49 +73,29 @@ void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_
     }
 }
 
-void bridge_transfers(int64_t count, const double *n, const double *start, const double *duration,
+void bridge_transfers(const cff_table_t *chief, int64_t count, const double *n, const double *start, const double *duration,
                       const double *initial, const double *final, cff_arc_t *arcs, double *energy, int64_t *status)
 {
     for (int64_t k = 0; k < count; k++) {
-        status[k] = cff_transfer(n[k], start[k], duration[k], (const cff_state_t *)(initial + 6 * k),
-                                 (const cff_state_t *)(final + 6 * k), &arcs[k]);
+        const cff_path_t path = {&arcs[k], 1, chief};
+        const cff_state_t *a = (const cff_state_t *)(initial + 6 * k), *b = (const cff_state_t *)(final + 6 * k);
+        status[k] = chief ? cff_transfer_beside(chief, start[k], duration[k], a, b, &arcs[k])
+                          : cff_transfer(n[k], start[k], duration[k], a, b, &arcs[k]);
         if (status[k] == CFF_OK) {
-            status[k] = cff_energy(&arcs[k], &energy[k]);
+            status[k] = cff_energy(&path, &energy[k]);
         }
     }
 }
 
-void bridge_states(const cff_arc_t *arcs, int64_t count, const double *times, double *out)
+void bridge_states(const cff_table_t *chief, const cff_arc_t *arcs, int64_t count, const double *times, double *out)
 {
     for (int64_t k = 0; k < count; k++) {
-        const cff_path_t path = {arcs + k, 1};
+        const cff_path_t path = {arcs + k, 1, chief};
         cff_state_t s;
         (void)cff_state_at(&path, times[k], &s);
         for (int i = 0; i < 3; i++) {
             out[6 * k + i] = s.position_m[i];
             out[6 * k + 3 + i] = s.velocity_m_s[i];
         }
-    }
-}
-
-/* Paths shaped around one ellipsoid each: status, count of arcs, extra energy, contact; arcs (2 each). */
-void bridge_avoid(const cff_arc_t *direct, const cff_arc_t *obstacles, int64_t count, const double *matrix, uint32_t evaluations,
-                  cff_arc_t *arcs, double *out, int64_t *status)
-{
-    cff_zone_t zone;
-    zone.shape = CFF_ELLIPSOID;
-    for (int i = 0; i < 9; i++) {
-        zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
-    }
-    for (int64_t k = 0; k < count; k++) {
-        const cff_path_t obstacle = {obstacles + k, 1U};
-        cff_avoidance_t found;
-        status[k] = cff_avoid(direct + k, &obstacle, &zone, evaluations, &found);
-        out[4 * k] = found.count;
-        out[4 * k + 1] = found.extra_energy_m2_s3;
-        out[4 * k + 2] = found.contact_s;
-        out[4 * k + 3] = found.evaluations_used;
-        arcs[2 * k] = found.arcs[0];
-        arcs[2 * k + 1] = found.arcs[1];
     }
 }

@@ -86,7 +86,7 @@ def declarations() -> str:
     """Return the declarations of the public header without its lines for the preprocessor and for C++."""
     header = (source_folder() / "include" / "closeform_flight.h").read_text(encoding="utf-8")
     for name, number in re.findall(r"^#define (CFF_\w+) \(?(-?\d+)U?\)?\s", header, re.MULTILINE):
-        header = re.sub(rf"\b{name}\b(?=\])", number, header)  # of an array's length
+        header = re.sub(rf"\b{name}\b(?=[^[\n]*\])", number, header)  # in the length of an array
     header = re.sub(r"^#ifdef __cplusplus\n.*\n#endif$", "", header, flags=re.MULTILINE)
     return re.sub(r"^#.*$", "", header, flags=re.MULTILINE)
 

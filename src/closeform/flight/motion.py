@@ -2,26 +2,49 @@
 
 from __future__ import annotations
 
+import ctypes
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, number
 from closeform.flight.library import check, core, doubles, filled
+from closeform.flight.table import packed
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
 
-def coast(orbit: Orbit, state: ArrayLike, duration: float) -> Floats:
+class Chief(NamedTuple):
+    """Pointer to the table of a chief, NULL beside a circular orbit, and what must live as long."""
+
+    pointer: Any
+    table: Any
+
+
+def chief_of(orbit: Any) -> Chief:
+    """Return the chief of an orbit as the flight core reads it."""
+    types = core().types
+    chief = getattr(orbit, "chief", None)
+    if chief is None:
+        return Chief(types.NULL, None)
+    table = packed(chief)
+    return Chief(types.cast("cff_table_t *", ctypes.addressof(table)), table)
+
+
+def coast(orbit: Orbit, state: ArrayLike, duration: float, start: float = 0.0) -> Floats:
     """Return the state after natural motion, computed by the flight core.
 
     Parameters
     ----------
     orbit : Orbit
-        Circular orbit, or deep space.
+        Orbit of any kind.
     state : array_like of shape (6,) [m, m/s]
         State in the rotating frame.
     duration : float [s]
-        Duration, negative for an earlier state.
+        Duration of the coast.
+    start : float [s], default 0
+        Start time, which matters beside an eccentric or J2-perturbed chief.
 
     Returns
     -------
@@ -39,10 +62,20 @@ def coast(orbit: Orbit, state: ArrayLike, duration: float) -> Floats:
     ----------
     docs/on_board.md.
     """
-    later = core().types.new("cff_state_t *")
-    given = filled("cff_state_t *", finite("state", state, 6))
-    span = number("duration", duration)
-    check(core().functions.cff_coast(orbit.mean_motion, span, given, later))
+    types, functions = core()
+    later = types.new("cff_state_t *")
+    given, times = (
+        filled("cff_state_t *", finite("state", state, 6)),
+        (number("start", start), number("duration", duration)),
+    )
+    chief = chief_of(orbit)
+    if chief.table is None:
+        check(functions.cff_coast(orbit.mean_motion, times[1], given, later))
+    else:
+        arc = types.new("cff_arc_t *")
+        check(functions.cff_drift_beside(chief.pointer, *times, given, arc))
+        path = types.new("cff_path_t *", (arc, 1, chief.pointer))
+        check(functions.cff_state_at(path, arc.end_s, later))
     return doubles(later)
 
 
@@ -52,7 +85,7 @@ def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float
     Parameters
     ----------
     orbit : Orbit
-        Circular orbit, or deep space.
+        Orbit of any kind.
     initial, final : array_like of shape (6,) [m, m/s]
         States in the rotating frame.
     duration : float [s]
@@ -76,11 +109,16 @@ def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float
     ----------
     docs/on_board.md; SP11 (Sauter and Palmer 2011) section 2.
     """
-    arc = core().types.new("cff_arc_t *")
+    types, functions = core()
+    arc = types.new("cff_arc_t *")
     ends = [
         filled("cff_state_t *", finite(name, end, 6))
         for name, end in (("initial", initial), ("final", final))
     ]
     times = number("start", start), number("duration", duration)
-    check(core().functions.cff_transfer(orbit.mean_motion, *times, *ends, arc))
+    chief = chief_of(orbit)
+    if chief.table is None:
+        check(functions.cff_transfer(orbit.mean_motion, *times, *ends, arc))
+    else:
+        check(functions.cff_transfer_beside(chief.pointer, *times, *ends, arc))
     return Path(orbit, doubles(arc)[None], np.array([0, 1]), ())

@@ -9,18 +9,19 @@ import numpy as np
 
 from closeform.conflicts.two_paths import Approach, Conflict, check_comparable
 from closeform.flight.library import BUDGET, check, core, filled
+from closeform.flight.motion import Chief, chief_of
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
 ROOM = 16  # conflicts in one call; more are found by the next
 
 
-def path_of(path: Path) -> tuple[Any, Any]:
+def path_of(path: Path, chief: Chief) -> tuple[Any, Any]:
     """Return a path of one spacecraft as the flight core reads it, and its arcs, which must live as long."""
     if path.shape:
         raise ValueError(f"path: the flight core takes one spacecraft at a time, got shape {path.shape}")
     arcs = filled("cff_arc_t[]", path.arcs)
-    return core().types.new("cff_path_t *", {"arcs": arcs, "count": len(path.arcs)}), arcs
+    return core().types.new("cff_path_t *", (arcs, len(path.arcs), chief.pointer)), arcs
 
 
 def zone_of(zone: Zone) -> Any:
@@ -56,7 +57,8 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
     """
     check_comparable(path, other, zone)
     types, functions = core()
-    (one, _one), (two, _two), kept = path_of(path), path_of(other), zone_of(zone)
+    chief = chief_of(path.orbit)
+    (one, _one), (two, _two), kept = path_of(path, chief), path_of(other, chief), zone_of(zone)
     search, count = types.new("cff_conflict_search_t *"), types.new("uint32_t *")
     rows = types.new("cff_conflict_t[]", ROOM)
     found = []
@@ -109,7 +111,8 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     docs/on_board.md.
     """
     check_comparable(path, other, zone)
-    (one, _one), (two, _two) = path_of(path), path_of(other)
+    chief = chief_of(path.orbit)
+    (one, _one), (two, _two) = path_of(path, chief), path_of(other, chief)
     start, end = max(path.start, other.start), min(path.end, other.end)
     if end < start:
         return Approach(nan, inf, inf)
