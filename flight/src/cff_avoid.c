@@ -16,8 +16,9 @@
 #define HOPELESS 12U  /* rounds without progress towards a clear path */
 #define SOFT 1.0e-2   /* initial softness of contacts, which fades by FADE a round while normals turn */
 #define FADE 0.3
-#define NEARLY 1.0e-2 /* shortfall in zones below which Newton's method is tried */
-#define CLOSE 0.1     /* and change of normals in a round */
+#define NEARLY 3.0e-2 /* shortfall in zones below which Newton's method is tried */
+#define CLOSE 0.2     /* and change of normals in a round */
+#define SLOWEST 0.2 /* share of the way that touches move at least */
 #define SAME 1.0e-3   /* of the duration: contacts closer than this are one */
 #define SWEEPS 300U
 #define STEPS 15U
@@ -25,8 +26,9 @@
 #define FAR 10.0
 #define NUDGE 1.0e-6 /* relative change of an unknown in the derivatives by differences */
 #define RAISES 4U
-#define RAYS 8U
+#define RAYS 10U /* sides on which to pass: eight across the motion of the first contact, and before and after */
 #define SIDES 8U
+#define DIAGONAL 0.7071067811865476
 #define CONFLICTS 4U /* of the path and one obstacle that become contacts in a round */
 #define FLIGHT_EVALUATIONS 1U /* cost of the state at a contact, and beside a table */
 #define TABLE_EVALUATIONS 20U
@@ -230,8 +232,11 @@ static double extra_energy(const scene_t *scene)
     return total;
 }
 
-/* Slide a touch to the local minimum of the norm in time, and turn its normal; returns the relative change. */
-static double slide(const scene_t *scene, cff_touch_t *touch, uint32_t *evaluations)
+/*
+ * Move a touch a share of the way to the local minimum of the norm in time, and to the normal there; returns the
+ * relative change all the way.
+ */
+static double slide(const scene_t *scene, cff_touch_t *touch, double share, uint32_t *evaluations)
 {
     const double length = scene->end - scene->start;
     const cff_path_t *obstacle = &scene->obstacles[touch->obstacle];
@@ -263,10 +268,15 @@ static double slide(const scene_t *scene, cff_touch_t *touch, uint32_t *evaluati
     relative_at(scene, touch->obstacle, t, r, v);
     const double norm = sqrt(cfi_dot(r, r));
     moved = fabs(t - touch->time_s) / length;
-    touch->time_s = t;
+    touch->time_s += share * (t - touch->time_s);
     for (uint32_t i = 0U; (i < 3U) && (norm > 1e-9); i++) {
-        moved = cfi_max(moved, fabs((r[i] / norm) - touch->normal[i]));
-        touch->normal[i] = r[i] / norm;
+        const double turn = (r[i] / norm) - touch->normal[i];
+        moved = cfi_max(moved, fabs(turn));
+        touch->normal[i] += share * turn;
+    }
+    const double length_of_normal = sqrt(cfi_max(cfi_dot(touch->normal, touch->normal), 1e-300));
+    for (uint32_t i = 0U; i < 3U; i++) {
+        touch->normal[i] /= length_of_normal;
     }
     return moved;
 }
@@ -536,6 +546,8 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
     cff_avoid_work_t *work = scene->work;
     double soft = SOFT;
     double least = CFF_FOREVER;
+    double last = CFF_FOREVER;
+    double share = 1.0;
     uint32_t latest = 0U;
     bool on = true;
     for (uint32_t turn = 0U; (turn < ROUNDS) && on && (*evaluations > CFF_LEAST_EVALUATIONS); turn++) {
@@ -547,9 +559,11 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
         const double extra = extra_energy(scene);
         for (uint32_t k = 0U; k < work->count; k++) {
             if (cfi_dot(work->touches[k].force, work->touches[k].force) > 0.0) {
-                moved = cfi_max(moved, slide(scene, &work->touches[k], evaluations));
+                moved = cfi_max(moved, slide(scene, &work->touches[k], share, evaluations));
             }
         }
+        share = (moved > (0.8 * last)) ? cfi_max(0.5 * share, SLOWEST) : share; /* touches swing */
+        last = moved;
         keep_pushing(scene);
         const double shortfall = look(scene, true, &fresh, evaluations);
         if (shortfall < cfi_max(least, NEARLY)) {
@@ -573,8 +587,10 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
 /* Set the touches to the direct path's conflicts, on the side of a ray; ray RAYS: the nearer side. */
 static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluations)
 {
-    static const double cosines[RAYS] = {1.0, 0.7071067811865476, 0.0, -0.7071067811865476,
-                                         -1.0, -0.7071067811865476, 0.0, 0.7071067811865476};
+    static const double rays[RAYS][3] = {{1.0, 0.0, 0.0},  {DIAGONAL, DIAGONAL, 0.0},   {0.0, 1.0, 0.0},
+                                         {-1.0, 0.0, 0.0}, {-DIAGONAL, DIAGONAL, 0.0},  {0.0, -1.0, 0.0},
+                                         {0.0, 0.0, 1.0},  {-DIAGONAL, -DIAGONAL, 0.0}, {0.0, 0.0, -1.0},
+                                         {DIAGONAL, -DIAGONAL, 0.0}};
     cff_avoid_work_t *work = scene->work;
     bool fresh;
     work->count = 0U;
@@ -582,7 +598,7 @@ static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluation
     work->arcs[0] = scene->direct.arcs[0];
     (void)look(scene, true, &fresh, evaluations);
     sort_touches(work);
-    double lines[2][3] = {{0.0}};
+    double lines[3][3] = {{0.0}};
     for (uint32_t k = 0U; (k < work->count) && (ray < RAYS); k++) {
         cff_touch_t *touch = &work->touches[k];
         double r[3];
@@ -591,10 +607,14 @@ static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluation
         double d[3];
         relative_at(scene, touch->obstacle, touch->time_s, r, v);
         if (k == 0U) {
+            const double speed = sqrt(cfi_max(cfi_dot(v, v), 1e-300));
             across(v, lines);
+            for (uint32_t i = 0U; i < 3U; i++) {
+                lines[2][i] = v[i] / speed;
+            }
         }
         for (uint32_t i = 0U; i < 3U; i++) {
-            d[i] = (cosines[ray] * lines[0][i]) + (cosines[(ray + 6U) % RAYS] * lines[1][i]);
+            d[i] = (rays[ray][0] * lines[0][i]) + (rays[ray][1] * lines[1][i]) + (rays[ray][2] * lines[2][i]);
             along += d[i] * r[i];
         }
         const double ahead = sqrt(cfi_max((1.0 - cfi_dot(r, r)) + (along * along), 0.0)) - along;

@@ -1,6 +1,6 @@
 """Paths around obstacles: the library against `cf.avoid`.
 
-Usage: compare_avoid.py COUNT [OBSTACLES] [e]
+Usage: compare_avoid.py COUNT [OBSTACLES] [e] [-l: lingering obstacles only] [-v: failures]
 """
 
 import ctypes
@@ -13,8 +13,9 @@ from random_pairs import chief
 
 import closeform as cf
 
-COUNT, EACH = (int(a) for a in (*sys.argv[1:3], *("100", "1")[len(sys.argv[1:3]) :]))
-CHIEF = sys.argv[3] if len(sys.argv) > 3 else None
+OPTIONS = [a for a in sys.argv[1:] if not a.startswith("-")]
+COUNT, EACH = (int(a) for a in (*OPTIONS[:2], *("100", "1")[len(OPTIONS[:2]) :]))
+CHIEF = OPTIONS[2] if len(OPTIONS) > 2 else None
 BUDGET = 100_000
 
 
@@ -45,7 +46,7 @@ def main():
     if CHIEF:
         kinds = kinds[1:]
     totals = np.zeros(5)
-    for pace in ([0.0], [2.0], [0.1, 1.0]):
+    for pace in ([[0.1, 1.0]] if "-l" in sys.argv else [[0.0], [2.0], [0.1, 1.0]]):
         for n, shares in kinds:
             orbit = chief(CHIEF) if CHIEF else cf.Orbit(n)
             direct, obstacles = cases(np.random.default_rng(21), orbit, n, shares, pace, COUNT)
@@ -90,4 +91,5 @@ def main():
           f"same or cheaper {(totals[0] + totals[2]) / totals[:4].sum():.4f}")
 
 
-main()
+if __name__ == "__main__":
+    main()
