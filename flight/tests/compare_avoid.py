@@ -65,7 +65,7 @@ def main():
                     verdicts["clear"] += 1
                     continue
                 since = time.perf_counter()
-                shaped = cf.avoid(direct[k], met[0] if EACH == 1 else cf.Path.stack(met) if hasattr(cf.Path, "stack") else met, zone)
+                shaped = cf.avoid(direct[k], met, zone)
                 theirs += time.perf_counter() - since
                 if status[k] != 0:
                     verdicts["refused" if shaped.ok else "neither"] += 1
