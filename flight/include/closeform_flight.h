@@ -175,6 +175,29 @@ typedef struct {
     uint32_t evaluations_used;
 } cff_avoidance_t;
 
+/* A contact in progress; forces and normals are in zone units. */
+typedef struct {
+    double time_s;
+    uint32_t obstacle;
+    double normal[3];
+    double force[3];
+    double position[3]; /* of the path in the zone, and its rate */
+    double rate[3];
+} cff_touch_t;
+
+/* Space that cff_avoid works in; its contents mean nothing between calls. */
+typedef struct {
+    cff_touch_t touches[CFF_MOST_CONTACTS];
+    cff_touch_t kept[CFF_MOST_CONTACTS];
+    uint32_t count;
+    uint32_t arc_count;
+    cff_arc_t arcs[CFF_MOST_CONTACTS + 1U];
+    double inverse[6][6];
+    double matrix[16U * CFF_MOST_CONTACTS * CFF_MOST_CONTACTS];
+    double right[4U * CFF_MOST_CONTACTS];
+    double lines[CFF_MOST_CONTACTS][2][3];
+} cff_avoid_work_t;
+
 typedef enum { CFF_SAFE = 0, CFF_UNSAFE = 1, CFF_UNDECIDED = 2 } cff_verdict_t;
 
 /* What follows a loss of thrust. */
@@ -292,7 +315,7 @@ cff_status_t cff_closest_approach(const cff_path_t *one, const cff_path_t *other
  * the path is certified clear by the search for conflicts.  It is a local minimum, the best of several sides.
  */
 cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], const cff_zone_t zones[],
-                       uint32_t obstacle_count, uint32_t evaluations, cff_avoidance_t *found);
+                       uint32_t obstacle_count, uint32_t evaluations, cff_avoid_work_t *work, cff_avoidance_t *found);
 
 /*
  * Passive safety: the verdict on a loss of thrust at any instant of a path from `from_s` on, with natural

@@ -56,6 +56,7 @@ typedef struct {
 
 static inline double cfi_min(double a, double b) { return (b < a) ? b : a; }
 static inline double cfi_max(double a, double b) { return (b > a) ? b : a; }
+static inline uint32_t cfi_larger(uint32_t a, uint32_t b) { return (b > a) ? b : a; }
 static inline double cfi_dot(const double a[3], const double b[3])
 {
     return ((a[0] * b[0]) + (a[1] * b[1])) + (a[2] * b[2]);
@@ -91,7 +92,7 @@ void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *
 void cfi_primer(const cff_arc_t *arc, double t, cfi_motion_t *out);
 
 /* cff_transfer.c */
-bool cfi_solve(double matrix[6][6], double rhs[6]);
+bool cfi_solve(double matrix[], uint32_t size, double rhs[]);
 bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const double gap[6], double thrust[6]);
 
 /* cff_table.c */

@@ -193,14 +193,14 @@ static bool go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
     double *z = place->columns;
     cfi_weights(u, weights);
     flow(chief, place->window, weights, matrix);
-    bool good = cfi_solve(matrix, &z[COSTATE]);
+    bool good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE]);
     for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
         for (uint32_t i = 0U; (i < 6U) && (z[j] != 0.0); i++) {
             z[i] -= z[j] * at(chief, place->window, j, i, weights);
         }
     }
     flow(chief, place->window, weights, matrix);
-    good = cfi_solve(matrix, z) && good;
+    good = cfi_solve(&matrix[0][0], 6U, z) && good;
     return good;
 }
 

@@ -10,6 +10,7 @@
 #include "cff_internal.h"
 
 #define SIX 6U
+#define MOST_EQUATIONS (4U * CFF_MOST_CONTACTS)
 #define REFINEMENTS 2U
 
 /* The state reached from rest under each unit thrust (columns 0-2) and unit thrust rate (3-5). */
@@ -40,30 +41,30 @@ static void response(const cff_table_t *chief, double n, double from, double to,
     }
 }
 
-/* Scale columns, of very different units, and rows to a greatest number of 1. */
-static bool scale(double matrix[SIX][SIX], double rhs[SIX], double columns[SIX])
+/* Scale columns, of very different units, and rows to a largest number of 1. */
+static bool scale(double matrix[], uint32_t size, double rhs[], double columns[])
 {
     bool good = true;
-    for (uint32_t j = 0U; j < SIX; j++) {
+    for (uint32_t j = 0U; j < size; j++) {
         double largest = 0.0;
-        for (uint32_t i = 0U; i < SIX; i++) {
-            largest = cfi_max(largest, fabs(matrix[i][j]));
+        for (uint32_t i = 0U; i < size; i++) {
+            largest = cfi_max(largest, fabs(matrix[(i * size) + j]));
         }
         good = good && (largest > 0.0) && (largest <= CFF_LARGEST);
         columns[j] = good ? (1.0 / largest) : 0.0;
-        for (uint32_t i = 0U; i < SIX; i++) {
-            matrix[i][j] *= columns[j];
+        for (uint32_t i = 0U; i < size; i++) {
+            matrix[(i * size) + j] *= columns[j];
         }
     }
-    for (uint32_t i = 0U; (i < SIX) && good; i++) {
+    for (uint32_t i = 0U; (i < size) && good; i++) {
         double largest = 0.0;
-        for (uint32_t j = 0U; j < SIX; j++) {
-            largest = cfi_max(largest, fabs(matrix[i][j]));
+        for (uint32_t j = 0U; j < size; j++) {
+            largest = cfi_max(largest, fabs(matrix[(i * size) + j]));
         }
         good = (largest > 0.0);
         if (good) {
-            for (uint32_t j = 0U; j < SIX; j++) {
-                matrix[i][j] /= largest;
+            for (uint32_t j = 0U; j < size; j++) {
+                matrix[(i * size) + j] /= largest;
             }
             rhs[i] /= largest;
         }
@@ -78,41 +79,47 @@ static void swap(double *a, double *b)
     *b = kept;
 }
 
-/* Solve six equations in place by scaled, pivoted elimination; the solution is left in `rhs`. */
-bool cfi_solve(double matrix[SIX][SIX], double rhs[SIX])
+/* Bring the largest number of column k at or below row k to row k; false if it is 0. */
+static bool pivot(double matrix[], uint32_t size, double rhs[], uint32_t k)
 {
-    double columns[SIX];
-    bool good = scale(matrix, rhs, columns);
-    for (uint32_t k = 0U; (k < SIX) && good; k++) {
-        uint32_t pivot = k;
-        for (uint32_t i = k + 1U; i < SIX; i++) {
-            if (fabs(matrix[i][k]) > fabs(matrix[pivot][k])) {
-                pivot = i;
-            }
+    uint32_t best = k;
+    for (uint32_t i = k + 1U; i < size; i++) {
+        if (fabs(matrix[(i * size) + k]) > fabs(matrix[(best * size) + k])) {
+            best = i;
         }
-        if (pivot != k) {
-            for (uint32_t j = k; j < SIX; j++) {
-                swap(&matrix[k][j], &matrix[pivot][j]);
-            }
-            swap(&rhs[k], &rhs[pivot]);
+    }
+    if (best != k) {
+        for (uint32_t j = k; j < size; j++) {
+            swap(&matrix[(k * size) + j], &matrix[(best * size) + j]);
         }
-        good = (matrix[k][k] != 0.0);
-        for (uint32_t i = k + 1U; (i < SIX) && good; i++) {
-            const double factor = matrix[i][k] / matrix[k][k];
-            for (uint32_t j = k + 1U; j < SIX; j++) {
-                matrix[i][j] -= factor * matrix[k][j];
+        swap(&rhs[k], &rhs[best]);
+    }
+    return matrix[(k * size) + k] != 0.0;
+}
+
+/* Solve up to 32 equations in place by scaled, pivoted elimination; the solution is left in `rhs`. */
+bool cfi_solve(double matrix[], uint32_t size, double rhs[])
+{
+    double columns[MOST_EQUATIONS];
+    bool good = (size <= MOST_EQUATIONS) && scale(matrix, size, rhs, columns);
+    for (uint32_t k = 0U; (k < size) && good; k++) {
+        good = pivot(matrix, size, rhs, k);
+        for (uint32_t i = k + 1U; (i < size) && good; i++) {
+            const double factor = matrix[(i * size) + k] / matrix[(k * size) + k];
+            for (uint32_t j = k + 1U; j < size; j++) {
+                matrix[(i * size) + j] -= factor * matrix[(k * size) + j];
             }
             rhs[i] -= factor * rhs[k];
         }
     }
-    for (uint32_t left = SIX; (left > 0U) && good; left--) {
+    for (uint32_t left = size; (left > 0U) && good; left--) {
         const uint32_t k = left - 1U;
-        for (uint32_t j = k + 1U; j < SIX; j++) {
-            rhs[k] -= matrix[k][j] * rhs[j];
+        for (uint32_t j = k + 1U; j < size; j++) {
+            rhs[k] -= matrix[(k * size) + j] * rhs[j];
         }
-        rhs[k] /= matrix[k][k];
+        rhs[k] /= matrix[(k * size) + k];
     }
-    for (uint32_t j = 0U; (j < SIX) && good; j++) {
+    for (uint32_t j = 0U; (j < size) && good; j++) {
         rhs[j] *= columns[j];
     }
     return good;
@@ -137,7 +144,7 @@ bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const
                 work[i][j] = matrix[i][j];
             }
         }
-        good = cfi_solve(work, rhs);
+        good = cfi_solve(&work[0][0], SIX, rhs);
         for (uint32_t i = 0U; (i < SIX) && good; i++) {
             thrust[i] += rhs[i];
         }

@@ -99,3 +99,30 @@ void bridge_states(const cff_table_t *chief, const cff_arc_t *arcs, int64_t coun
         }
     }
 }
+
+/* Paths around obstacles, `each` of them for each direct arc: (status), (arc count, extra energy, contacts, evaluations). */
+void bridge_avoid(const cff_table_t *chief, const cff_arc_t *direct, const cff_arc_t *obstacles, int64_t each, int64_t count,
+                  const double *matrices, uint32_t evaluations, cff_arc_t *arcs, double *out, int64_t *status)
+{
+    static cff_avoid_work_t work;
+    for (int64_t k = 0; k < count; k++) {
+        cff_path_t paths[CFF_MOST_OBSTACLES];
+        cff_zone_t zones[CFF_MOST_OBSTACLES];
+        cff_avoidance_t found;
+        for (int64_t m = 0; m < each; m++) {
+            paths[m] = (cff_path_t){obstacles + k * each + m, 1U, chief};
+            zones[m].shape = CFF_ELLIPSOID;
+            for (int i = 0; i < 9; i++) {
+                zones[m].to_unit_per_m[i / 3][i % 3] = matrices[9 * m + i];
+            }
+        }
+        status[k] = cff_avoid(direct + k, paths, zones, (uint32_t)each, evaluations, &work, &found);
+        out[4 * k] = status[k] >= 0 ? found.count : 0;
+        out[4 * k + 1] = found.extra_energy_m2_s3;
+        out[4 * k + 2] = found.energy_m2_s3;
+        out[4 * k + 3] = found.evaluations_used;
+        for (uint32_t m = 0; status[k] == CFF_OK && m < found.count; m++) {
+            arcs[9 * k + m] = found.arcs[m];
+        }
+    }
+}

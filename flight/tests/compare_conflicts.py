@@ -59,4 +59,5 @@ def main():
     print("us per pair:", {k: round(1e6 * v / pairs, 2) for k, v in spent.items()})
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -10,13 +10,16 @@ from pathlib import Path
 FLIGHT = Path(__file__).parents[1]
 LOCAL = re.compile(r'^#include "cff_internal\.h"\n', re.MULTILINE)
 MACRO = re.compile(r"^#define (\w+)", re.MULTILINE)
+STATIC = re.compile(r"^static [\w *]*?(\w+)\(", re.MULTILINE)
 
 
 def amalgamation() -> str:
-    """Return all sources as one; macros of a file end with it, and its static names must be its own."""
+    """Return all sources as one; macros of a file end with it, and its static functions get its name."""
     parts = [(FLIGHT / "src" / "cff_internal.h").read_text(encoding="utf-8")]
     for file in sorted((FLIGHT / "src").glob("*.c")):
         text = LOCAL.sub("", file.read_text(encoding="utf-8"))
+        for name in dict.fromkeys(STATIC.findall(text)):
+            text = re.sub(rf"\b{name}\(", f"{file.stem}_{name}(", text)
         undone = "".join(f"#undef {name}\n" for name in dict.fromkeys(MACRO.findall(text)))
         parts.append(f"/* ---- {file.name} ---- */\n{text}{undone}")
     return "\n".join(parts)
