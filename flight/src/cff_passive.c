@@ -15,6 +15,7 @@
 #define ROUNDING 1.0e-14 /* of a control point, relative to the sum of the terms it is made of */
 #define NARROWEST 9.5367431640625e-07 /* cells, of a window: 2^-20 */
 #define CELL_EVALUATIONS 40U
+#define PROBE_EVALUATIONS 600U
 #define ON_JOINT 1.0e-14
 
 /* Failures within one window: states at its beginning, bounds of their errors, and the window's share in time. */
@@ -182,6 +183,32 @@ static bool last_is_inside(const drift_t *drift, const cell_t *cell)
     return cfi_norm(drift->zone->shape, q) <= 1.0;
 }
 
+/*
+ * Look for a failure that leads inside near a narrow cell, ever farther away: the first narrow cells lie along the
+ * edge of the unsafe ones.  If there is one the cell moves there.
+ */
+static bool probe(const drift_t *drift, cell_t *cell)
+{
+    static const double way[8][2] = {{1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}, {-1.0, 1.0}, {-1.0, 0.0}, {-1.0, -1.0}, {0.0, -1.0}, {1.0, -1.0}};
+    bool inside = false;
+    for (double scale = 2.0 * NARROWEST; (scale < 0.5) && !inside; scale *= 2.0) { /* 18 turns */
+        for (uint32_t k = 0U; (k < 8U) && !inside; k++) {
+            const double failure = cfi_min(cfi_max(cell->failure + (scale * way[k][0]), 0.0), 1.0);
+            const double time = cfi_min(cfi_max(cell->time + (scale * way[k][1]), 0.0), 1.0);
+            const double lost = drift->failures->first + (failure * (drift->failures->last - drift->failures->first));
+            double q[3];
+            position(drift, failure, time, q);
+            inside = (!drift->same || ((drift->low + (time * (drift->high - drift->low))) >= lost)) &&
+                     (cfi_norm(drift->zone->shape, q) <= 1.0);
+            if (inside) {
+                const cell_t there = {failure, 0.0, time, 0.0};
+                *cell = there;
+            }
+        }
+    }
+    return inside;
+}
+
 /* Judge the times of a cell's failures; false if the failures are to be halved. */
 static bool judge_times(const drift_t *drift, cell_t *cell, cff_verdict_t *verdict, uint32_t *evaluations)
 {
@@ -206,7 +233,8 @@ static bool judge_times(const drift_t *drift, cell_t *cell, cff_verdict_t *verdi
             *verdict = CFF_UNSAFE;
             on = false;
         } else if (cfi_max(cell->failure_width, cell->time_width) <= NARROWEST) {
-            *verdict = CFF_UNDECIDED;
+            cfi_spend(evaluations, PROBE_EVALUATIONS);
+            *verdict = probe(drift, cell) ? CFF_UNSAFE : CFF_UNDECIDED;
             on = false;
         } else {
             double by_failure;

@@ -68,7 +68,9 @@ def main():
         tally[int(safe), int(row[0])] += 1
         if row[0] == 0 and k < 12:
             assert sampled(orbit, path, other, zone, until) > 1.0 - 1e-9, (k, "false safe")
-        if safe != (row[0] == 0) and "-v" in sys.argv:
+        if (safe != (row[0] == 0) or row[0] == 2) and "-v" in sys.argv:
+            at = min(max(row[2], 0), until)
+            print(zone.norm((orbit.coast(path.state(row[1]), max(at - row[1], 1e-9), row[1]).state(at) - other.state(at))[None, :3]), path.end, len(path.arcs))
             print(k, kind, safe, row)
     print(f"e={CHIEF}: package unsafe: library {tally[0]}, package safe: library {tally[1]} (safe, unsafe, undecided); evaluations mean "
           f"{np.mean(used):.0f}, most {np.max(used):.0f}; ms {1e3 * spent[0] / COUNT:.1f}, package {1e3 * spent[1] / COUNT:.1f}")
