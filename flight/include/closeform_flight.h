@@ -4,7 +4,7 @@
  * Relative motion beside a chief: by Hill's (Clohessy-Wiltshire) equations in closed form for any mean
  * motion n >= 0 (n = 0 is deep space), or by an uploaded table for an eccentric or J2-perturbed chief.
  * Transfers of minimum energy, all conflicts of two paths without a time step, closest approach,
- * avoidance, passive safety, and the first lock of two lost spacecraft.
+ * avoidance, passive safety, and the search, first lock and gathering of lost spacecraft.
  *
  * Frame: x radial outward, y along the velocity, z along the orbit normal.  Units are in the names.
  *
@@ -22,6 +22,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define CFF_VERSION "0.1"
 #define CFF_LARGEST 1.0e60          /* largest magnitude of an input: squares and cubes do not overflow */
 #define CFF_LARGEST_ANGLE_RAD 6.0e5 /* longest arc, times the mean motion: beyond, the phase loses digits */
@@ -31,8 +35,8 @@
 #define CFF_MOST_WINDOWS 4096U      /* windows of a table, and windows that one arc may last */
 #define CFF_MOST_OBSTACLES 8U       /* obstacles of an avoidance */
 #define CFF_MOST_CONTACTS 8U        /* contacts of an avoidance */
-#define CFF_SEARCH_LEGS 16U         /* turns of the modified search */
-#define CFF_MOST_LEGS 64U           /* turns of any search */
+#define CFF_MOST_LEGS 64U           /* turns of a search */
+#define CFF_MOST_CRAFT 64U          /* spacecraft of a gathering */
 #define CFF_TERMS 12U               /* coefficients of a polynomial of a table */
 #define CFF_COLUMNS 15U             /* state, costate and constant push */
 
@@ -45,7 +49,8 @@ typedef enum {
     CFF_END_INSIDE = 5,     /* the start or the end is inside a zone: no path between them is clear */
     CFF_CROWDED = 6,        /* the path needs more than CFF_MOST_CONTACTS contacts */
     CFF_BAD_INPUT = -1,     /* a number is not finite or too large, or an argument is out of its bounds */
-    CFF_SINGULAR = -2       /* no unique thrust leads there: the duration is too short for the numbers */
+    CFF_SINGULAR = -2,      /* no unique thrust leads there: the duration is too short for the numbers */
+    CFF_TOO_NARROW = -3     /* the sensor is too narrow for the tips that the sun limit allows */
 } cff_status_t;
 
 typedef struct {
@@ -206,20 +211,41 @@ typedef struct {
     uint32_t evaluations_used;
 } cff_drift_t;
 
-/* One turn of a search: the boresight of group A is steady + cosine cos(rate t) + sine sin(rate t). */
+/* Body axes in the inertial frame; the boresight is body z. */
+typedef struct {
+    double body_x[3];
+    double body_y[3];
+    double boresight[3];
+} cff_attitude_t;
+
+/* One turn of a search, the same for all craft: `Search.legs` of the Python package. */
 typedef struct {
     double start_s;
     double end_s;
-    double rate_rad_s;
-    double steady[3];
-    double cosine[3];
-    double sine[3];
+    double angle_rad;        /* right-handed about the axis, at a constant rate */
+    double axis[3];          /* unit vector, inertial */
+    cff_attitude_t attitude; /* of group A at the start of the leg */
 } cff_leg_t;
 
+/* Group B looks in the direction opposite to group A. */
+typedef enum { CFF_GROUP_A = 0, CFF_GROUP_B = 1 } cff_group_t;
+
+/* What a schedule is made of; the sun is along -z of the inertial frame. */
 typedef struct {
-    double baseline_m; /* both sensors' offsets along the boresight together, >= 0 */
-    double cosine;     /* of the half-angle */
-    double range_m;    /* CFF_LARGEST: none */
+    double half_angle_rad;    /* of the sensor's cone */
+    double slew_rate_rad_s;   /* of all turns */
+    double sun_limit_rad;     /* greatest angle of body x from the sun, below pi / 2 */
+    double in_plane_turn_rad; /* basic search: angle of each in-plane turn, such as 3 pi */
+    double tip_angle_rad;     /* basic search: angle of the out-of-plane turns; 0 for that of the paper */
+    uint32_t passes;          /* basic search: how often in-plane and out-of-plane turns are made */
+    bool relaxed;             /* basic search: single tips, which may exceed the sun limit */
+} cff_schedule_t;
+
+/* The sensor of each craft: a cone along its boresight. */
+typedef struct {
+    double half_angle_rad; /* above 0 and below pi */
+    double offset_m;       /* from the centre of mass along the boresight, >= 0 */
+    double range_m;        /* CFF_LARGEST: none */
 } cff_sensor_t;
 
 typedef struct {
@@ -302,11 +328,68 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
 cff_status_t cff_loss_of_thrust(const cff_path_t *path, const cff_path_t *other, const cff_zone_t *zone, double from_s,
                                 double until_s, uint32_t evaluations, cff_drift_t *found);
 
-/* The turns of the modified search (Scharf et al. 2004), for a tip that the ground has worked out. */
-cff_status_t cff_modified_search(double slew_rate_rad_s, double tip_angle_rad, cff_leg_t legs[CFF_SEARCH_LEGS]);
+/*
+ * The turns of the modified search (Scharf et al. 2004), which locks every pair, and of the basic search
+ * (Hadaegh et al. 2003).  CFF_TOO_NARROW: the tips would exceed the sun limit.  CFF_FULL: more than `capacity`.
+ */
+cff_status_t cff_modified_search(const cff_schedule_t *schedule, cff_leg_t legs[], uint32_t capacity, uint32_t *count);
+cff_status_t cff_basic_search(const cff_schedule_t *schedule, cff_leg_t legs[], uint32_t capacity, uint32_t *count);
+
+/* The attitude of the craft of one group at a time within the search. */
+cff_status_t cff_attitude_at(const cff_leg_t legs[], uint32_t leg_count, double time_s, cff_group_t group,
+                             cff_attitude_t *attitude);
 
 /* The first lock of a pair from `from_s` on; B minus A at time 0 of the search, inertial. */
 cff_status_t cff_first_lock(const cff_leg_t legs[], uint32_t leg_count, const cff_sensor_t *sensor,
                             const cff_state_t *relative, double from_s, uint32_t evaluations, cff_lock_t *lock);
+
+/*
+ * Gathering of lost craft (Hadaegh et al. 2003, section IV): every craft runs the same state machine on the locks
+ * that are broadcast.  A craft is lost, or in the formation set, whose craft move with one velocity, or in a
+ * knowledge set, whose craft know each other's motion and coast.  The first pair to lock begins the formation set.
+ */
+#define CFF_LOST (-1)
+#define CFF_FORMATION 0
+
+/* Which craft of the first pair burns. */
+typedef enum { CFF_LOWER_BURNS = 0, CFF_HIGHER_BURNS = 1, CFF_BOTH_BURN = 2 } cff_first_burn_t;
+
+typedef enum {
+    CFF_NOTHING_NEW = 0, /* both were in one set already */
+    CFF_COAST = 1,       /* the craft of this knowledge set exchange their states, and coast */
+    CFF_BURN = 2         /* each craft with a delta-v burns it now, to match the formation set's velocity */
+} cff_action_t;
+
+typedef struct {
+    uint32_t count;
+    cff_first_burn_t first_burn;
+    int32_t labels[CFF_MOST_CRAFT]; /* CFF_LOST, CFF_FORMATION, or the number of a knowledge set, from 1 */
+    int32_t unused;                 /* number of the next knowledge set */
+    uint32_t formed;                /* craft in the formation set: gathered when it is `count` */
+    double velocity_m_s[3];         /* of the formation set */
+    double time_s;                  /* of the last lock */
+} cff_gathering_t;
+
+typedef struct {
+    cff_action_t action;
+    int32_t label;                          /* of the set that both are in now */
+    uint32_t table_case;                    /* of figure 8 of the paper, 1 to 9: sets of the lower and the higher index before */
+    bool joins[CFF_MOST_CRAFT];             /* whether a craft is new to this set */
+    double delta_v_m_s[CFF_MOST_CRAFT][3];  /* inertial; 0 for a craft that does not burn */
+} cff_join_t;
+
+/* All craft lost. */
+cff_status_t cff_gathering_begin(cff_gathering_t *gathering, uint32_t count, cff_first_burn_t first_burn);
+
+/*
+ * A lock between craft i and j, no earlier than the last.  `velocities_m_s` has a row for each craft, inertial, just
+ * before: only those of craft that burn or agree on a velocity are read, and they are known by then.
+ */
+cff_status_t cff_gathering_lock(cff_gathering_t *gathering, double time_s, uint32_t i, uint32_t j,
+                                const double velocities_m_s[][3], cff_join_t *join);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -21,6 +21,7 @@ static double norm_and_slope(const cfi_piece_t *piece, cff_shape_t shape, double
     double best = -1.0;
     double square = 0.0;
     double half = 0.0;
+    *slope = 0.0;
     for (uint32_t axis = 0U; axis < 3U; axis++) {
         double rate;
         const double value = cfi_value(piece->c[axis], u, &rate);

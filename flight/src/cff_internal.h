@@ -4,6 +4,7 @@
 
 #include "closeform_flight.h"
 
+#define CFF_PI 3.14159265358979323846
 #define CFF_FOREVER 1.0e300 /* a time that no end is beyond */
 #define CFF_ORDER ((uint32_t)8U)       /* derivatives of a position that fix an arc with thrust */
 #define CFF_COAST_ORDER ((uint32_t)4U) /* and an arc of natural motion */
@@ -68,6 +69,7 @@ static inline void cfi_spend(uint32_t *evaluations, uint32_t cost)
 }
 
 /* cff_hill.c */
+double cfi_whole(double x);
 void cfi_sine_cosine(double angle, double *sine, double *cosine);
 void cfi_oscillation(double n, double t, double p[3]);
 void cfi_transforms(double n, double t, cfi_transforms_t *out);
@@ -140,6 +142,10 @@ bool cfi_halve_piece(cfi_piece_t *piece);
 
 /* cff_conflicts.c */
 cff_status_t cfi_check_pair(const cff_path_t *one, const cff_path_t *other, const cff_zone_t *zone);
+
+/* cff_search.c */
+void cfi_cross(const double a[3], const double b[3], double out[3]);
+bool cfi_leg_is_good(const cff_leg_t *leg);
 
 /* cff_extremum.c */
 double cfi_minimum(const cfi_view_t *view, cff_shape_t shape, double *best, double *best_u, uint32_t *evaluations);

@@ -24,13 +24,6 @@ static const double NODE[NODES] = {0.1488743389816312, 0.4333953941292472, 0.679
 static const double WEIGHT[NODES] = {0.2955242247147529, 0.2692667193099964, 0.2190863625159820, 0.1494513491505806,
                                      0.0666713443086881};
 
-/* The greatest whole number up to x. */
-static double whole(double x)
-{
-    const double cut = (fabs(x) < 2.0e9) ? (double)(int32_t)x : 0.0;
-    return (cut > x) ? (cut - 1.0) : cut;
-}
-
 /* The angle of a time, by Newton's method on Kepler's equation. */
 double cfi_angle(const cff_table_t *chief, double t)
 {
@@ -38,7 +31,7 @@ double cfi_angle(const cff_table_t *chief, double t)
     double mean = (chief->rate_rad_s * t) + chief->phase_rad;
     double angle = mean;
     if (e != 0.0) {
-        const double turns = TURN * whole((mean / TURN) + 0.5);
+        const double turns = TURN * cfi_whole((mean / TURN) + 0.5);
         bool on = true;
         mean -= turns;
         angle = mean + ((mean > 0.0) ? (0.85 * e) : (-0.85 * e));
@@ -69,7 +62,7 @@ double cfi_time(const cff_table_t *chief, double angle)
 /* How many turns of the table lie before an angle. */
 static double turns_before(const cff_table_t *chief, double angle)
 {
-    return (chief->turn_rad > 0.0) ? whole(((angle + ON_JOINT) - chief->joints_rad[0]) / chief->turn_rad) : 0.0;
+    return (chief->turn_rad > 0.0) ? cfi_whole(((angle + ON_JOINT) - chief->joints_rad[0]) / chief->turn_rad) : 0.0;
 }
 
 /* Whether the table holds motion between two times, and an arc between them is not too long. */
@@ -134,7 +127,7 @@ static double joint(const cff_table_t *chief, uint32_t k, double turns)
 static double turns_at(const cff_table_t *chief, const cff_cursor_t *place)
 {
     const double way = place->origin_rad - chief->joints_rad[place->window];
-    return (chief->turn_rad > 0.0) ? whole((way / chief->turn_rad) + 0.5) : 0.0;
+    return (chief->turn_rad > 0.0) ? cfi_whole((way / chief->turn_rad) + 0.5) : 0.0;
 }
 
 double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place)

@@ -211,7 +211,7 @@ bool cfi_halve_piece(cfi_piece_t *piece)
 }
 
 /* Whether natural motion stays beyond reach along direction w, on one side, all over [0, h]. */
-static bool apart_along(const double q[CFF_ORDER][3], double n, double h, const double w[3], double reach)
+static bool apart_along(double q[CFF_ORDER][3], double n, double h, const double w[3], double reach)
 {
     const double square = 1.0 / (n * n);
     const double place = cfi_dot(w, q[0]);
@@ -226,7 +226,7 @@ static bool apart_along(const double q[CFF_ORDER][3], double n, double h, const 
 }
 
 /* A lower bound of the distance from the origin over [0, h] of natural motion: a drifting ellipse. */
-static double ring_clearance(const double q[CFF_ORDER][3], double n, double h)
+static double ring_clearance(double q[CFF_ORDER][3], double n, double h)
 {
     const double square = 1.0 / (n * n);
     double cc = 0.0;

@@ -100,27 +100,6 @@ void bridge_states(const cff_table_t *chief, const cff_arc_t *arcs, int64_t coun
     }
 }
 
-void bridge_locks(const double *legs, int64_t leg_count, double baseline, double cosine, double range, int64_t count,
-                  const double *positions, const double *velocities, uint32_t evaluations, double *times, int64_t *found,
-                  int64_t *evaluations_used, int64_t *status)
-{
-    const cff_sensor_t sensor = {baseline, cosine, range};
-    for (int64_t k = 0; k < count; k++) {
-        cff_state_t relative;
-        cff_lock_t lock;
-        for (int i = 0; i < 3; i++) {
-            relative.position_m[i] = positions[3 * k + i];
-            relative.velocity_m_s[i] = velocities[3 * k + i];
-        }
-        status[k] = cff_first_lock((const cff_leg_t *)legs, (uint32_t)leg_count, &sensor, &relative, 0.0, evaluations, &lock);
-        times[k] = lock.time_s;
-        found[k] = lock.leg;
-        evaluations_used[k] = lock.evaluations_used;
-    }
-}
-
-int64_t bridge_search(double rate, double tip, double *legs) { return cff_modified_search(rate, tip, (cff_leg_t *)legs); }
-
 /* Paths around obstacles, `each` of them for each direct arc: (status), (arc count, extra energy, contacts, evaluations). */
 void bridge_avoid(const cff_table_t *chief, const cff_arc_t *direct, const cff_arc_t *obstacles, int64_t each, int64_t count,
                   const double *matrices, uint32_t evaluations, cff_arc_t *arcs, double *out, int64_t *status)
