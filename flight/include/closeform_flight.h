@@ -93,6 +93,8 @@ typedef struct {
     const double *rows;       /* windows x 15 x 6 x 12: Bernstein coefficients of (r, v/n) for each column */
     const double *steps;      /* windows x 6 x 15: (r, v/n) at the end of a window for each column */
     const double *errors;     /* windows x 15: bounds of the errors of the positions of `rows` */
+    const double *returns;    /* windows x 9 x 6 x 12: the change of a window's first state by costate and push */
+    const double *return_errors; /* windows x 9: bounds of their errors; NULL for both: no passive safety */
 } cff_table_t;
 
 /* Motion of one spacecraft: arcs in order of time, each of which begins where the one before it ends. */
@@ -319,8 +321,9 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
 
 /*
  * Passive safety: the verdict on a loss of thrust at any instant of a path from `from_s` on, with natural
- * motion after it until `until_s`.  The other path must last until then.  CFF_SAFE is certified.  After
- * CFF_MORE call again with `from_s` = `certified_until_s`.
+ * motion after it until `until_s`.  An impulse may be fired in part.  The other path must last until then.
+ * Both paths are beside a table; a circular orbit has one.  CFF_SAFE is certified.  After CFF_MORE
+ * call again with `from_s` = `certified_until_s`, and with more evaluations if that is `from_s` still.
  */
 cff_status_t cff_loss_of_thrust(const cff_path_t *path, const cff_path_t *other, const cff_zone_t *zone, double from_s,
                                 double until_s, uint32_t evaluations, cff_drift_t *found);

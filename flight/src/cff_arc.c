@@ -197,7 +197,7 @@ static bool arc_is_good(const cff_path_t *path, uint32_t k)
     good = good && cfi_finite(arc->thrust_m_s2, 3U) && cfi_finite(arc->thrust_rate_m_s3, 3U);
     good = good && cfi_finite(arc->push_m_s2, 3U) && cfi_finite(arc->push_rate_m_s3, 3U);
     good = good && cfi_finite(arc->push_bend_m_s4, 3U) && cfi_finite(arc->push_twist_m_s5, 3U);
-    good = good && (duration >= CFF_SHORTEST_S);
+    good = good && ((duration >= CFF_SHORTEST_S) || (arc->end_s == arc->start_s)); /* a last impulse has no duration */
     if (good && (path->chief != NULL)) {
         good = !any(arc->push_rate_m_s3) && !push_bends(arc) && cfi_within_table(path->chief, arc->start_s, arc->end_s);
     } else if (good) {

@@ -101,6 +101,8 @@ double cfi_time(const cff_table_t *chief, double angle);
 bool cfi_within_table(const cff_table_t *chief, double from, double to);
 bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place);
 void cfi_next_window(const cff_table_t *chief, cff_cursor_t *place);
+bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u);
+double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle);
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t);
 double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place);
 void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS]);
@@ -130,6 +132,7 @@ double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF
 #define CFF_FINEST 1073741824.0   /* parts of a view: 2^30; a narrower piece is an instant */
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
              double end, const cff_zone_t *zone, cfi_view_t *view);
+bool cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t);
 bool cfi_begin_places(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t);
 double cfi_time_in(const cfi_view_t *view, double u);
 bool cfi_coasts_apart(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, double h);

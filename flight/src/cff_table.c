@@ -101,6 +101,10 @@ cff_status_t cff_check_table(const cff_table_t *chief)
         good = cfi_finite(&chief->rows[(size_t)k * CFF_COLUMNS * 72U], CFF_COLUMNS * 72U) &&
                cfi_finite(&chief->steps[(size_t)k * 6U * CFF_COLUMNS], 6U * CFF_COLUMNS) &&
                cfi_finite(&chief->errors[(size_t)k * CFF_COLUMNS], CFF_COLUMNS);
+        if (good && (chief->returns != NULL) && (chief->return_errors != NULL)) {
+            good = cfi_finite(&chief->returns[(size_t)k * 9U * 72U], 9U * 72U) &&
+                   cfi_finite(&chief->return_errors[(size_t)k * 9U], 9U);
+        }
     }
     return good ? CFF_OK : CFF_BAD_INPUT;
 }
@@ -131,11 +135,11 @@ double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place)
     return joint(chief, place->window + 1U, turns_at(chief, place));
 }
 
-/* The place of a time in its window, in [0, 1]. */
-static double share(const cff_table_t *chief, const cff_cursor_t *place, double t)
+/* The place of an angle in a window, in [0, 1]. */
+double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle)
 {
     const double length = chief->joints_rad[place->window + 1U] - chief->joints_rad[place->window];
-    return cfi_min(cfi_max((cfi_angle(chief, t) - place->origin_rad) / length, 0.0), 1.0);
+    return cfi_min(cfi_max((angle - place->origin_rad) / length, 0.0), 1.0);
 }
 
 /* Component i of column j at the point of the window with these weights. */
@@ -172,7 +176,7 @@ static void columns_in(const cff_table_t *chief, const cff_cursor_t *place, doub
 
 void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS])
 {
-    columns_in(chief, place, share(chief, place, t), columns);
+    columns_in(chief, place, cfi_share(chief, place, cfi_angle(chief, t)), columns);
 }
 
 /* The transition matrix from the beginning of the window. */
@@ -186,7 +190,7 @@ static void flow(const cff_table_t *chief, uint32_t window, const double weights
 }
 
 /* Replace the columns at u by those at the beginning of the window. */
-static bool go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
+bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
 {
     double weights[CFF_TERMS];
     double matrix[6][6];
@@ -266,8 +270,8 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
         place->columns[COSTATE + 3U + i] = arc->thrust_rate_m_s3[i] / (n * n * n);
         place->columns[PUSH + i] = arc->push_m_s2[i] / (n * n);
     }
-    const double u = share(chief, place, arc->start_s);
-    const bool good = (u > 0.0) ? go_back(chief, place, u) : true;
+    const double u = cfi_share(chief, place, begin);
+    const bool good = (u > 0.0) ? cfi_go_back(chief, place, u) : true;
     cfi_go_on(chief, place, t);
     return good;
 }

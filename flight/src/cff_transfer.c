@@ -180,7 +180,7 @@ static cff_status_t drift(const cff_table_t *chief, double n, double start, doub
     made.end_s = start + duration;
     made.mean_motion_rad_s = n;
     made.state = *initial;
-    const cff_status_t status = cff_check_path(&path);
+    const cff_status_t status = (duration > 0.0) ? cff_check_path(&path) : CFF_BAD_INPUT;
     if (status == CFF_OK) {
         *arc = made;
     }

@@ -94,7 +94,7 @@ static void see_table(const cff_cursor_t *one, const cff_cursor_t *other, const 
 }
 
 /* Move a place on to the arc and the window in which a path goes on after time t. */
-static bool follow(const cff_path_t *path, cff_cursor_t *place, double t)
+bool cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t)
 {
     bool good = true;
     uint32_t arc = place->arc;
@@ -129,8 +129,8 @@ bool cfi_begin_places(const cff_path_t *one, cff_cursor_t *at_one, const cff_pat
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
              double end, const cff_zone_t *zone, cfi_view_t *view)
 {
-    (void)follow(one, at_one, t);
-    (void)follow(other, at_other, t);
+    (void)cfi_follow(one, at_one, t);
+    (void)cfi_follow(other, at_other, t);
     const cff_arc_t *a = &one->arcs[at_one->arc];
     const cff_arc_t *b = &other->arcs[at_other->arc];
     double stop = cfi_max(t, cfi_min(cfi_min(end, a->end_s), b->end_s));

@@ -126,3 +126,26 @@ void bridge_avoid(const cff_table_t *chief, const cff_arc_t *direct, const cff_a
         }
     }
 }
+
+/* Verdicts on a loss of thrust: (verdict, failure, time, certified, evaluations) for each pair. */
+void bridge_loss(const cff_table_t *chief, const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
+                 const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix, double until,
+                 uint32_t evaluations, double *out, int64_t *status)
+{
+    cff_zone_t zone;
+    zone.shape = (cff_shape_t)shape;
+    for (int i = 0; i < 9; i++) {
+        zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
+    }
+    for (int64_t p = 0; p < pairs; p++) {
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p]), chief};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p]), chief};
+        cff_drift_t found = {CFF_UNDECIDED, 0.0, 0.0, 0.0, 0U};
+        status[p] = cff_loss_of_thrust(&one, &other, &zone, one.arcs[0].start_s, until, evaluations, &found);
+        out[5 * p] = found.verdict;
+        out[5 * p + 1] = found.failure_s;
+        out[5 * p + 2] = found.time_s;
+        out[5 * p + 3] = found.certified_until_s;
+        out[5 * p + 4] = found.evaluations_used;
+    }
+}

@@ -1,7 +1,7 @@
 """Table of a chief for the flight library: `cff_table_t` in C and as bytes.
 
-The library reads the rows of position and velocity, the steps of states (those of costates are the same) and
-the bounds of errors of `motion.chief.table.Table`.
+The library reads the rows of position and velocity, the steps of states (those of costates are the same), the
+returns of passive safety, and the bounds of errors of `motion.chief.table.Table`.
 """
 
 import ctypes
@@ -25,16 +25,19 @@ class FlightTable(ctypes.Structure):
         ("rows", ctypes.c_void_p),
         ("steps", ctypes.c_void_p),
         ("errors", ctypes.c_void_p),
+        ("returns", ctypes.c_void_p),
+        ("return_errors", ctypes.c_void_p),
     ]
-    kept: tuple[Any, ...]
+    kept: list[Any]
 
 
-def arrays_of(chief: Any) -> tuple[Any, float, int, tuple[Any, Any, Any, Any]]:
-    """Return the clock (3,), turn, number of windows and arrays (joints, rows, steps, errors) of a chief."""
+def arrays_of(chief: Any) -> tuple[Any, float, int, list[Any]]:
+    """Return the clock (3,), turn, number of windows and the arrays of a chief, in the order of `cff_table_t`."""
     table = chief.table
-    arrays = (table.joints, table.rows, table.steps[:, :COSTATE], table.errors)
-    joints, rows, steps, errors = (np.ascontiguousarray(array, dtype="<f8") for array in arrays)
-    return table.clock, float(table.turn), len(rows), (joints, rows, steps, errors)
+    steps = table.steps[:, :COSTATE]
+    arrays = (table.joints, table.rows, steps, table.errors, table.returns, table.return_errors)
+    contiguous = [np.ascontiguousarray(array, dtype="<f8") for array in arrays]
+    return table.clock, float(table.turn), len(table.rows), contiguous
 
 
 def packed(chief: Any) -> FlightTable:
