@@ -201,7 +201,8 @@ def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
     RuntimeError
         If there is no C compiler or no cffi.
     ValueError
-        If a path is a batch, the orbits differ, or the flight core does not take the paths or the zone.
+        If a path is a batch, the orbits differ, or the flight core does not take the paths or the zone: of
+        thrust, it takes that of minimum energy and constant thrust beside an orbit, not in deep space.
 
     References
     ----------
@@ -209,7 +210,7 @@ def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
     """
     check_comparable(path, other, zone)
     types, functions = core()
-    chief = chief_of(path.orbit)
+    chief = chief_of(path.orbit, circular=True)
     (one, _one), (two, _two), around = path_of(path, chief), path_of(other, chief), zone_of(zone)
     found, since, status = types.new("cff_drift_t *"), float(path.start), "MORE"
     while status == "MORE":

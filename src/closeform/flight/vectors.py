@@ -154,8 +154,8 @@ def avoidances(rng: np.random.Generator) -> Iterator[str]:
 
 
 def losses(rng: np.random.Generator) -> Iterator[str]:
-    """Yield paths with the verdict on a loss of thrust."""
-    for number, orbit in enumerate(orbits()):
+    """Yield paths beside a table with the verdict on a loss of thrust."""
+    for number, orbit in enumerate(orbits()[2:], 2):
         for zone in zones(rng) * 3:
             ends = rng.normal(size=(2, 6)) * ([60.0, 120.0, 60.0] + [0.02] * 3)
             path, other = orbit.transfer(*ends, 1500.0), orbit.coast(np.zeros(6), 5500.0)
@@ -220,7 +220,10 @@ def tables() -> Iterator[str]:
             named.append(f"{{NULL, {float(orbit.mean_motion).hex()}}}")
             continue
         clock, turn, windows, arrays = arrays_of(chief)
-        names = [f"golden_{name}_{number}" for name in ("joints", "rows", "steps", "errors")]
+        names = [
+            f"golden_{name}_{number}"
+            for name in ("joints", "rows", "steps", "errors", "returns", "return_errors")
+        ]
         yield from (
             f"static const double {name}[] = {row(one.ravel())};"
             for name, one in zip(names, arrays, strict=True)
