@@ -62,7 +62,12 @@ def zones(rng: np.random.Generator) -> list[Zone]:
     """Return a zone of each shape."""
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     lengths = rng.uniform(10.0, 50.0, 3)
-    return [Ellipsoid(lengths, axes), Sphere(lengths[0]), Box(lengths, axes), Cylinder(lengths[0], lengths[1], axes[0])]
+    return [
+        Ellipsoid(lengths, axes),
+        Sphere(lengths[0]),
+        Box(lengths, axes),
+        Cylinder(lengths[0], lengths[1], axes[0]),
+    ]
 
 
 def path_of(rng: np.random.Generator, orbit: Any, kind: str, duration: float, start: float) -> Path:
@@ -104,10 +109,15 @@ def transfers(rng: np.random.Generator) -> Iterator[str]:
         for _ in range(16):
             start, duration = rng.uniform(0.0, 1000.0), rng.uniform(100.0, 5000.0)
             ends = rng.normal(size=(2, 6)) * ([100.0] * 3 + [0.1] * 3)
-            path, coast = orbit.transfer(*ends, duration, start=start), orbit.coast(ends[0], duration, start=start)
+            path, coast = (
+                orbit.transfer(*ends, duration, start=start),
+                orbit.coast(ends[0], duration, start=start),
+            )
             states = path.state(start + 0.5 * duration), coast.state(start + duration)
             numbers = start, duration, *map(row, ends), *map(row, states), float(path.energy)
-            yield f"{number}, " + ", ".join(one if isinstance(one, str) else float(one).hex() for one in numbers)
+            yield f"{number}, " + ", ".join(
+                one if isinstance(one, str) else float(one).hex() for one in numbers
+            )
 
 
 def searches() -> list[tuple[Search, str]]:
@@ -166,8 +176,14 @@ def tables() -> Iterator[str]:
             named.append(f"{{NULL, {float(orbit.mean_motion).hex()}}}")
             continue
         clock, turn, windows, arrays = arrays_of(chief)
-        names = [f"golden_{name}_{number}" for name in ("joints", "rows", "steps", "errors")]
-        yield from (f"static const double {name}[] = {row(one.ravel())};" for name, one in zip(names, arrays, strict=True))
+        names = [
+            f"golden_{name}_{number}"
+            for name in ("joints", "rows", "steps", "errors", "returns", "return_errors")
+        ]
+        yield from (
+            f"static const double {name}[] = {row(one.ravel())};"
+            for name, one in zip(names, arrays, strict=True)
+        )
         head = ", ".join(float(one).hex() for one in (*clock, turn))
         yield f"static const cff_table_t golden_table_{number} = {{{head}, {windows}U, {', '.join(names)}}};"
         named.append(f"{{&golden_table_{number}, 0.0}}")
@@ -191,10 +207,16 @@ def row(values: Any) -> str:
 def vectors() -> str:
     """Return the header."""
     rng = np.random.default_rng(11)
-    kinds = {"pair": pairs(rng), "transfer": transfers(rng), "search": schedules(), "lock": locks(rng), "join": joins(rng)}
+    kinds = {
+        "pair": pairs(rng),
+        "transfer": transfers(rng),
+        "search": schedules(),
+        "lock": locks(rng),
+        "join": joins(rng),
+    }
     parts = [
         "/* Made by `closeform flight-vectors` with the Python package. */",
-        "#ifndef GOLDEN_VECTORS_H\n#define GOLDEN_VECTORS_H\n#include <math.h>\n#include <stddef.h>\n#include \"closeform_flight.h\"",
+        '#ifndef GOLDEN_VECTORS_H\n#define GOLDEN_VECTORS_H\n#include <math.h>\n#include <stddef.h>\n#include "closeform_flight.h"',
         TYPES,
         *tables(),
     ]
@@ -202,7 +224,9 @@ def vectors() -> str:
         listed = list(cases)
         parts.append(f"#define GOLDEN_{kind.upper()}_COUNT {len(listed)}")
         body = ",\n".join(f"    {{{case}}}" for case in listed)
-        parts.append(f"static const golden_{kind}_t golden_{kind}[GOLDEN_{kind.upper()}_COUNT] = {{\n{body},\n}};")
+        parts.append(
+            f"static const golden_{kind}_t golden_{kind}[GOLDEN_{kind.upper()}_COUNT] = {{\n{body},\n}};"
+        )
     return "\n".join([*parts, "#endif", ""])
 
 
