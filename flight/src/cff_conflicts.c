@@ -246,11 +246,11 @@ cff_status_t cff_conflicts_continue(cff_conflict_search_t *search, uint32_t eval
     uint32_t left = evaluations;
     cff_status_t status = ((evaluations >= CFF_LEAST_EVALUATIONS) && (*count <= capacity)) ? CFF_OK : CFF_BAD_INPUT;
     while ((status == CFF_OK) && !search->finished) { /* each turn costs evaluations */
-        if (left < (CFF_VIEW_EVALUATIONS + CFF_PIECE_EVALUATIONS)) {
+        if (left < (cfi_view_cost(&search->one) + CFF_PIECE_EVALUATIONS)) {
             status = CFF_MORE;
         } else if ((search->certified_until_s < search->end_s) || !search->begun) {
             cfi_view_t view;
-            cfi_spend(&left, CFF_VIEW_EVALUATIONS);
+            cfi_spend(&left, cfi_view_cost(&search->one));
             cfi_see(&search->one, &search->place_of_one, &search->other, &search->place_of_other,
                     search->certified_until_s, search->end_s, search->zone, &view);
             search->begun = true; /* paths may share one instant only */
@@ -330,14 +330,14 @@ cff_status_t cff_closest_approach(const cff_path_t *one, const cff_path_t *other
             cfi_view_t view;
             double u = 0.0;
             const double before = approach->ratio;
-            cfi_spend(&left, CFF_VIEW_EVALUATIONS);
+            cfi_spend(&left, cfi_view_cost(one));
             cfi_see(one, &at_one, other, &at_other, t, end_s, zone, &view);
             const double reached = cfi_minimum(&view, zone->shape, &approach->ratio, &u, &left);
             approach->time_s = (approach->ratio < before) ? cfi_time_in(&view, u) : approach->time_s;
             t = cfi_time_in(&view, reached);
             t = (approach->ratio == 0.0) ? end_s : t; /* there is no less */
             on = (t < end_s);
-            if (on && (left < (CFF_VIEW_EVALUATIONS + CFF_PIECE_EVALUATIONS))) {
+            if (on && (left < (cfi_view_cost(one) + CFF_PIECE_EVALUATIONS))) {
                 status = CFF_MORE;
                 on = false;
             }

@@ -441,7 +441,7 @@ cff_status_t cff_loss_of_thrust(const cff_path_t *path, const cff_path_t *other,
         place.arc = arc_from(path, t);
         (void)cfi_place(path->chief, &path->arcs[place.arc], t, &place);
         while (on) { /* each turn costs evaluations */
-            cfi_spend(&left, CFF_VIEW_EVALUATIONS);
+            cfi_spend(&left, cfi_view_cost(path));
             result.verdict = judge_failures(path, other, zone, &place, until_s, &t, &result, &left);
             if ((result.verdict == CFF_SAFE) && (left < CELL_EVALUATIONS)) {
                 status = CFF_MORE;

@@ -77,8 +77,10 @@ static void see_table(const cff_cursor_t *one, const cff_cursor_t *other, const 
     for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
         const double z = one->columns[j] - other->columns[j];
         const double *row = &chief->rows[(((size_t)one->window * CFF_COLUMNS) + j) * 72U];
-        for (uint32_t k = 0U; (k < (3U * CFF_TERMS)) && (z != 0.0); k++) {
-            r[k / CFF_TERMS][k % CFF_TERMS] += z * row[k];
+        for (uint32_t i = 0U; (i < 3U) && (z != 0.0); i++) {
+            for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+                r[i][k] += z * row[(i * CFF_TERMS) + k];
+            }
         }
         off += fabs(z) * errors[j];
     }
