@@ -80,7 +80,7 @@ static double root(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, b
 /* When a piece is inside, in [0, 1], `low` >= `high` if never; false if it is to be halved. */
 static bool decide(cff_shape_t shape, const cfi_piece_t *piece, bool narrow, double *low, double *high, uint32_t *evaluations)
 {
-    part_state_t states[6];
+    part_state_t states[6] = {OUT, OUT, OUT, OUT, OUT, OUT};
     bool decided = true;
     bool out = cfi_excluded(shape, piece);
     *low = 0.0;
@@ -153,9 +153,9 @@ cff_status_t cff_conflicts_begin(cff_conflict_search_t *search, const cff_path_t
 {
     const cff_status_t status = cfi_check_pair(one, other, zone);
     if (status != CFF_BAD_INPUT) {
-        const cff_conflict_search_t nothing = {{NULL, 0U, NULL}, {NULL, 0U, NULL}, NULL, 0.0, 0.0, 0.0, 0.0, 0.0,
-                                               {0U, 0U, 0.0, {0.0}}, {0U, 0U, 0.0, {0.0}}, 0U, false, false, true};
-        *search = nothing; /* which is finished */
+        static const cff_conflict_search_t nothing = {0};
+        *search = nothing;
+        search->finished = true;
     }
     if (status == CFF_OK) {
         const double t = common_start(one, other);

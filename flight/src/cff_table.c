@@ -253,8 +253,10 @@ static bool window_after(const cff_table_t *chief, const cff_cursor_t *place)
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t)
 {
     const double angle = cfi_angle(chief, t) + ON_JOINT;
-    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && (cfi_window_end(chief, place) <= angle) && window_after(chief, place); k++) {
+    bool on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
+    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && on; k++) {
         cfi_next_window(chief, place);
+        on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
     }
 }
 
