@@ -1,4 +1,4 @@
-"""The flight core's motion, conflicts and closest approaches against the package, for each kind of chief and zone."""
+"""The flight core against the package: motion, conflicts, avoidance and passive safety, beside each chief."""
 
 import numpy as np
 import pytest
@@ -82,3 +82,45 @@ def test_paths_that_the_flight_core_does_not_take_are_refused():
     later = orbit.coast(np.zeros(6), 300.0, start=1000.0)
     assert cf.flight.find_conflicts(path, later, ZONES[0]) == ()
     assert cf.flight.closest_approach(path, later, ZONES[0]).ratio == np.inf
+
+
+def test_paths_around_obstacles_cost_what_those_of_the_package_cost():
+    rng, planned, equal = np.random.default_rng(5), 0, 0
+    for k in range(24):
+        orbit, zone = ORBITS[k % 4], cf.Ellipsoid([20.0, 40.0, 20.0])
+        way, duration = rng.normal(size=3), rng.uniform(600.0, 2500.0)
+        ends = np.zeros((2, 6))
+        ends[:, :3] = np.outer([200.0, -200.0], way / np.linalg.norm(way))
+        direct = orbit.transfer(*ends, duration)
+        others = []
+        for met in rng.uniform(0.3, 0.7, 1 + k // 4 % 2) * duration:  # each blocks the direct path
+            there = direct.state(met) * ([1.0] * 3 + [0.0] * 3) + rng.normal(size=6) * (
+                [8.0] * 3 + [0.005] * 3
+            )
+            others.append(orbit.coast(np.linalg.solve(orbit.transition(met), there), duration))
+        shaped, status = cf.flight.avoid(direct, others, zone)
+        theirs = cf.avoid(direct, others, zone)
+        if theirs.ok and shaped is not None:
+            planned += 1
+            assert all(cf.closest_approach(shaped, other, zone).ratio > 1.0 for other in others)
+            for end, time in zip(ends, (direct.start, direct.end), strict=True):
+                assert shaped.state(time) == pytest.approx(end, abs=1e-6)
+            assert shaped.energy >= theirs.lower_bound * (1.0 - 1e-6)
+            equal += shaped.energy <= theirs.path.energy * (1.0 + 1e-6)
+        else:
+            assert status in ("NO_PLAN", "END_INSIDE", "CROWDED")
+    assert planned >= 20
+    assert equal >= 0.9 * planned
+
+
+def test_verdicts_on_loss_of_thrust_are_those_of_the_package():
+    rng, verdicts = np.random.default_rng(6), []
+    for k in range(40):
+        orbit = ORBITS[1 + k % 3]
+        start, goal = rng.normal(size=(2, 6)) * ([60.0, 120.0, 60.0] + [0.02] * 3)
+        path = orbit.transfer(start, goal, 1500.0)
+        other, zone = orbit.coast(np.zeros(6), 5500.0), ZONES[k // 4 % 4]
+        expected = cf.passively_safe(path, other, zone, 5500.0)
+        assert cf.flight.passively_safe(path, other, zone, 5500.0) == expected
+        verdicts.append(expected)
+    assert 8 <= sum(verdicts) <= 32

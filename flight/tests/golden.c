@@ -7,7 +7,7 @@
  *
  * With -DDIGEST=n another digest is a failure.  With -DCFF_FREESTANDING it needs no library and prints nothing (see start_*.c).  To count instructions, the
  * work is repeated -DREPEAT=n times, and -DWORK=k leaves one kind of it: 1 conflicts, 2 closest approaches,
- * 3 transfers, 4 locks.
+ * 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust.
  */
 #include "golden_vectors.h"
 
@@ -21,6 +21,8 @@
 #define WORK 0
 #endif
 #define BUDGET 100000U
+#define AVOID_BUDGET 4000000U
+#define LOSS_BUDGET 10000000U
 #define CRAFT 8U
 #define ROOM 8U
 
@@ -34,7 +36,7 @@ typedef struct {
 } worst_t;
 
 static worst_t worst;
-static unsigned long used[5]; /* evaluations of each kind of work */
+static unsigned long used[7]; /* evaluations of each kind of work */
 static uint64_t digest = 1469598103934665603U;
 
 static void note(double x)
@@ -69,7 +71,7 @@ static cff_zone_t zone_of(const golden_pair_t *pair)
     return zone;
 }
 
-static cff_path_t path_of(int orbit, const double arcs[2][30], unsigned count)
+static cff_path_t path_of(int orbit, const double arcs[][30], unsigned count)
 {
     const cff_path_t path = {(const cff_arc_t *)(const void *)arcs, count, golden_orbits[orbit].chief};
     return path;
@@ -146,6 +148,46 @@ static int transfer(const golden_transfer_t *given)
     return bad;
 }
 
+/* The path costs what that of the package costs, but for a side that only one of them tries; none costs less than the bound. */
+static int avoided(const golden_avoid_t *given, int *dearer)
+{
+    static cff_avoid_work_t work;
+    static cff_avoidance_t found;
+    cff_path_t obstacles[2];
+    cff_zone_t zones[2];
+    for (unsigned k = 0U; k < given->obstacles; k++) {
+        obstacles[k] = path_of(given->orbit, &given->obstacle[k], 1U);
+        zones[k].shape = CFF_ELLIPSOID;
+        for (int i = 0; i < 9; i++) {
+            zones[k].to_unit_per_m[i / 3][i % 3] = given->matrix[i];
+        }
+    }
+    int bad = cff_avoid((const cff_arc_t *)(const void *)given->direct, obstacles, zones, given->obstacles, AVOID_BUDGET, &work,
+                        &found) != CFF_OK;
+    bad += found.energy_m2_s3 < (given->bound * (1.0 - 1e-6));
+    *dearer += found.energy_m2_s3 > (given->energy * (1.0 + 1e-6));
+    note(found.energy_m2_s3);
+    used[5] += found.evaluations_used;
+    return bad;
+}
+
+static int lost_thrust(const golden_loss_t *given)
+{
+    const cff_path_t path = path_of(given->orbit, &given->path, 1U);
+    const cff_path_t other = path_of(given->orbit, &given->other, 1U);
+    cff_zone_t zone;
+    cff_drift_t found;
+    zone.shape = given->shape;
+    for (int i = 0; i < 9; i++) {
+        zone.to_unit_per_m[i / 3][i % 3] = given->matrix[i];
+    }
+    int bad = cff_loss_of_thrust(&path, &other, &zone, path.arcs[0].start_s, given->until, LOSS_BUDGET, &found) != CFF_OK;
+    bad += ((found.verdict == CFF_SAFE) != (given->safe != 0));
+    note(found.failure_s);
+    used[6] += found.evaluations_used;
+    return bad;
+}
+
 static int legs_of(const golden_search_t *given, cff_leg_t legs[CFF_MOST_LEGS])
 {
     uint32_t count = 0U;
@@ -207,6 +249,7 @@ static int joins(void)
 static int replay(void)
 {
     int bad = 0;
+    int dearer = 0;
     for (int p = 0; (p < GOLDEN_PAIR_COUNT) && ((WORK == 0) || (WORK == 1)); p++) {
         bad += conflicts(&golden_pair[p]);
     }
@@ -219,6 +262,13 @@ static int replay(void)
     if ((WORK == 0) || (WORK == 4)) {
         bad += locks();
     }
+    for (int p = 0; (p < GOLDEN_AVOID_COUNT) && ((WORK == 0) || (WORK == 5)); p++) {
+        bad += avoided(&golden_avoid[p], &dearer);
+    }
+    for (int p = 0; (p < GOLDEN_LOSS_COUNT) && ((WORK == 0) || (WORK == 6)); p++) {
+        bad += lost_thrust(&golden_loss[p]);
+    }
+    bad += (20 * dearer) > GOLDEN_AVOID_COUNT;
     return bad + ((WORK == 0) ? joins() : 0);
 }
 
@@ -231,12 +281,13 @@ int main(void)
     bad += (worst.time_s > 1e-8) + (worst.ratio > 1e-9) + (worst.length > 1e-9) + (worst.energy > 1e-8);
     bad += (worst.attitude > 1e-12) + (worst.delta_v > 1e-12);
 #ifndef CFF_FREESTANDING
-    printf("%d pairs, %d transfers, %d locks, %d joins: %d bad\n", GOLDEN_PAIR_COUNT, GOLDEN_TRANSFER_COUNT,
-           GOLDEN_LOCK_COUNT, GOLDEN_JOIN_COUNT, bad);
+    printf("%d pairs, %d transfers, %d avoidances, %d losses of thrust, %d locks, %d joins: %d bad\n", GOLDEN_PAIR_COUNT,
+           GOLDEN_TRANSFER_COUNT, GOLDEN_AVOID_COUNT, GOLDEN_LOSS_COUNT, GOLDEN_LOCK_COUNT, GOLDEN_JOIN_COUNT, bad);
     printf("largest differences: time %.2g s, ratio %.2g, length %.2g, energy %.2g, attitude %.2g, delta-v %.2g m/s\n",
            worst.time_s, worst.ratio, worst.length, worst.energy, worst.attitude, worst.delta_v);
-    printf("evaluations: conflicts %lu, closest approaches %lu, locks %lu\ndigest %016llx\n", used[1], used[2], used[4],
-           (unsigned long long)digest);
+    printf("evaluations: conflicts %lu, closest approaches %lu, locks %lu, avoidances %lu, losses of thrust %lu\n", used[1],
+           used[2], used[4], used[5], used[6]);
+    printf("digest %016llx\n", (unsigned long long)digest);
 #endif
 #ifdef DIGEST
     bad += (digest != DIGEST);

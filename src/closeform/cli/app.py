@@ -340,6 +340,8 @@ def flight_vectors(directory: Path, /) -> int:
     try:
         file = write(directory)
     except OSError as error:
-        raise UsageError(f"{directory}: {(error.strerror or str(error)).lower()}; choose another folder") from None
+        raise UsageError(
+            f"{directory}: {(error.strerror or str(error)).lower()}; choose another folder"
+        ) from None
     say(stdout(), f"{file}: golden vectors for flight/tests/golden.c")
     return CLEAR

@@ -5,7 +5,16 @@ The functions have the names of those of the package and return the same kinds o
 
 from closeform.flight.library import build
 from closeform.flight.motion import coast, transfer
-from closeform.flight.pairs import closest_approach, find_conflicts
+from closeform.flight.pairs import avoid, closest_approach, find_conflicts, passively_safe
 from closeform.flight.search import lock_times
 
-__all__ = ["build", "closest_approach", "coast", "find_conflicts", "lock_times", "transfer"]
+__all__ = [
+    "avoid",
+    "build",
+    "closest_approach",
+    "coast",
+    "find_conflicts",
+    "lock_times",
+    "passively_safe",
+    "transfer",
+]

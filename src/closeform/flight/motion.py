@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, finite, number
 from closeform.flight.library import check, core, doubles, filled
 from closeform.flight.table import packed
+from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
@@ -22,10 +23,12 @@ class Chief(NamedTuple):
     table: Any
 
 
-def chief_of(orbit: Any) -> Chief:
-    """Return the chief of an orbit as the flight core reads it."""
+def chief_of(orbit: Any, circular: bool = False) -> Chief:
+    """Return the chief of an orbit as the flight core reads it; with `circular` also that of a circle."""
     types = core().types
     chief = getattr(orbit, "chief", None)
+    if chief is None and circular and orbit.mean_motion > 0.0:
+        chief = KeplerChief(orbit.mean_motion, 0.0, 0.0)
     if chief is None:
         return Chief(types.NULL, None)
     table = packed(chief)

@@ -32,7 +32,7 @@ class FlightTable(ctypes.Structure):
 
 
 def arrays_of(chief: Any) -> tuple[Any, float, int, list[Any]]:
-    """Return the clock (3,), turn, number of windows and the arrays of a chief, in the order of `cff_table_t`."""
+    """Return the clock (3,), turn, number of windows and arrays of a chief, in the order of `cff_table_t`."""
     table = chief.table
     steps = table.steps[:, :COSTATE]
     arrays = (table.joints, table.rows, steps, table.errors, table.returns, table.return_errors)

@@ -1,7 +1,7 @@
 """Golden vectors: inputs and answers of the package, as a C header that `flight/tests/golden.c` replays.
 
-Numbers are hexadecimal, so that every machine reads the same bits. Cases whose answer rounding could change are
-left out: a closest approach within a millionth of the surface.
+Numbers are hexadecimal, so that every machine reads the same bits. Cases whose answer rounding could change
+are left out: a closest approach within a millionth of the surface.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from closeform.flight.table import arrays_of
 from closeform.motion.arc import WIDTH
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path
+from closeform.planning.avoid import avoid
+from closeform.safety.drift_approach import passively_safe
 from closeform.search.gathering.gather import gather
 from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
@@ -30,6 +31,7 @@ from closeform.zones.zone import Zone
 NAME = "golden_vectors.h"
 MOST = 8  # conflicts of a pair
 GRAZING = 1e-6
+NEAR = [8.0] * 3 + [0.005] * 3  # of an obstacle to the path that it blocks [m, m/s]
 KINDS = ("coast", "transfer", "burn", "joined")
 DEGREE = np.pi / 180.0
 
@@ -39,11 +41,22 @@ typedef struct {{
     int orbit; unsigned one_count, other_count, conflicts; cff_shape_t shape;
     double one[2][{WIDTH}], other[2][{WIDTH}], matrix[9], conflict[{MOST}][2], ratio;
 }} golden_pair_t;
-typedef struct {{ int orbit; double start, duration, initial[6], final[6], middle[6], coasted[6], energy; }} golden_transfer_t;
-typedef struct {{ cff_schedule_t schedule; int basic; unsigned legs; double end, middle[9]; cff_sensor_t sensor; }} golden_search_t;
+typedef struct {{
+    int orbit; double start, duration, initial[6], final[6], middle[6], coasted[6], energy;
+}} golden_transfer_t;
+typedef struct {{
+    int orbit; unsigned obstacles; double direct[{WIDTH}], obstacle[2][{WIDTH}], matrix[9], energy, bound;
+}} golden_avoid_t;
+typedef struct {{
+    int orbit, safe; cff_shape_t shape; double path[{WIDTH}], other[{WIDTH}], matrix[9], until;
+}} golden_loss_t;
+typedef struct {{
+    cff_schedule_t schedule; int basic; unsigned legs; double end, middle[9]; cff_sensor_t sensor;
+}} golden_search_t;
 typedef struct {{ int search; double state[6], time; int leg; }} golden_lock_t;
 typedef struct {{
-    int first; unsigned i, j, table_case; int label; double time, velocities[{MOST}][3], delta_v[{MOST}][3];
+    int first; unsigned i, j, table_case; int label;
+    double time, velocities[{MOST}][3], delta_v[{MOST}][3];
 }} golden_join_t;
 """
 
@@ -70,7 +83,7 @@ def zones(rng: np.random.Generator) -> list[Zone]:
     ]
 
 
-def path_of(rng: np.random.Generator, orbit: Any, kind: str, duration: float, start: float) -> Path:
+def path_of(rng: np.random.Generator, orbit: Any, kind: str, duration: float, start: float) -> Any:
     """Return a path of some kind through the neighbourhood of the chief."""
     ends = rng.normal(size=(2, 6)) * ([20.0] * 3 + [0.03] * 3)
     ends[:, :3] += np.outer([1.0, -1.0], rng.normal(size=3) * 60.0)
@@ -113,11 +126,42 @@ def transfers(rng: np.random.Generator) -> Iterator[str]:
                 orbit.transfer(*ends, duration, start=start),
                 orbit.coast(ends[0], duration, start=start),
             )
-            states = path.state(start + 0.5 * duration), coast.state(start + duration)
-            numbers = start, duration, *map(row, ends), *map(row, states), float(path.energy)
-            yield f"{number}, " + ", ".join(
-                one if isinstance(one, str) else float(one).hex() for one in numbers
-            )
+            times, middle = f"{start.hex()}, {duration.hex()}", path.state(start + 0.5 * duration)
+            rows = ", ".join(map(row, (*ends, middle, coast.state(start + duration))))
+            yield f"{number}, {times}, {rows}, {float(path.energy).hex()}"
+
+
+def avoidances(rng: np.random.Generator) -> Iterator[str]:
+    """Yield transfers through one or two obstacles, with the energy of the path around them and its bound."""
+    zone = Ellipsoid([20.0, 40.0, 20.0])
+    for number, orbit in enumerate(orbits()):
+        for k in range(8):
+            way, duration = rng.normal(size=3), rng.uniform(600.0, 2500.0)
+            ends = np.zeros((2, 6))
+            ends[:, :3] = np.outer([200.0, -200.0], way / np.linalg.norm(way))
+            direct = orbit.transfer(*ends, duration)
+            met = rng.uniform(0.3, 0.7, 1 + k % 2) * duration
+            there = direct.state(met) * ([1.0] * 3 + [0.0] * 3) + rng.normal(size=(len(met), 6)) * NEAR
+            states = [
+                np.linalg.solve(orbit.transition(t), state) for t, state in zip(met, there, strict=True)
+            ]
+            others = orbit.coast(states, duration)
+            plan = avoid(direct, others, zone)
+            if plan.path is not None and plan.contacts:
+                arcs = f"{row(direct.arcs[0])}, {row(padded(others.arcs, 2))}, {row(zone.matrix)}"
+                costs = f"{float(plan.path.energy).hex()}, {float(plan.lower_bound).hex()}"
+                yield f"{number}, {len(states)}U, {arcs}, {costs}"
+
+
+def losses(rng: np.random.Generator) -> Iterator[str]:
+    """Yield paths beside a table with the verdict on a loss of thrust."""
+    for number, orbit in enumerate(orbits()[2:], 2):
+        for zone in zones(rng) * 3:
+            ends = rng.normal(size=(2, 6)) * ([60.0, 120.0, 60.0] + [0.02] * 3)
+            path, other = orbit.transfer(*ends, 1500.0), orbit.coast(np.zeros(6), 5500.0)
+            safe = passively_safe(path, other, zone, 5500.0)
+            arcs = f"{row(path.arcs[0])}, {row(other.arcs[0])}, {row(zone.matrix)}"
+            yield f"{number}, {int(safe)}, (cff_shape_t){zone.shape}, {arcs}, {(5500.0).hex()}"
 
 
 def searches() -> list[tuple[Search, str]]:
@@ -210,13 +254,16 @@ def vectors() -> str:
     kinds = {
         "pair": pairs(rng),
         "transfer": transfers(rng),
+        "avoid": avoidances(rng),
+        "loss": losses(rng),
         "search": schedules(),
         "lock": locks(rng),
         "join": joins(rng),
     }
     parts = [
         "/* Made by `closeform flight-vectors` with the Python package. */",
-        '#ifndef GOLDEN_VECTORS_H\n#define GOLDEN_VECTORS_H\n#include <math.h>\n#include <stddef.h>\n#include "closeform_flight.h"',
+        "#ifndef GOLDEN_VECTORS_H\n#define GOLDEN_VECTORS_H",
+        '#include <math.h>\n#include <stddef.h>\n#include "closeform_flight.h"',
         TYPES,
         *tables(),
     ]
