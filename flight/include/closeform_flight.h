@@ -282,7 +282,7 @@ cff_status_t cff_thrust_at(const cff_path_t *path, double time_s, double thrust_
 /* Check a path: numbers, times in order, joints (to 1e-9), mean motion or table. */
 cff_status_t cff_check_path(const cff_path_t *path);
 
-/* Check a table: numbers, and angles in order. */
+/* Check a table once, when it is uploaded: numbers, and angles in order.  Other functions check its clock only. */
 cff_status_t cff_check_table(const cff_table_t *chief);
 
 /*

@@ -214,7 +214,7 @@ cff_status_t cff_check_path(const cff_path_t *path)
 {
     bool good = (path->count > 0U) && (path->count <= CFF_MOST_ARCS);
     if (good && (path->chief != NULL)) {
-        good = (cff_check_table(path->chief) == CFF_OK);
+        good = cfi_clock_is_good(path->chief);
     }
     for (uint32_t k = 0U; good && (k < path->count); k++) {
         good = arc_is_good(path, k);

@@ -156,7 +156,7 @@ static void solve_multipliers(const scene_t *scene, double lift, double soft, ui
 {
     cff_avoid_work_t *work = scene->work;
     const uint32_t count = work->count;
-    double push[CFF_MOST_CONTACTS] = {0.0};
+    double push[CFF_MOST_CONTACTS] = {0};
     double gap[CFF_MOST_CONTACTS];
     for (uint32_t k = 0U; k < count; k++) {
         set_force(&work->touches[k], 0.0);
@@ -269,7 +269,8 @@ static double slide(const scene_t *scene, cff_touch_t *touch, double share, uint
     const double norm = sqrt(cfi_dot(r, r));
     moved = fabs(t - touch->time_s) / length;
     touch->time_s += share * (t - touch->time_s);
-    for (uint32_t i = 0U; (i < 3U) && (norm > 1e-9); i++) {
+    const bool apart = (norm > 1e-9);
+    for (uint32_t i = 0U; (i < 3U) && apart; i++) {
         const double turn = (r[i] / norm) - touch->normal[i];
         moved = cfi_max(moved, fabs(turn));
         touch->normal[i] += share * turn;
@@ -370,7 +371,10 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
 /* Two directions across a vector. */
 static void across(const double v[3], double lines[2][3])
 {
-    const uint32_t least = (fabs(v[0]) <= cfi_min(fabs(v[1]), fabs(v[2]))) ? 0U : ((fabs(v[1]) <= fabs(v[2])) ? 1U : 2U);
+    uint32_t least = 0U;
+    for (uint32_t i = 1U; i < 3U; i++) {
+        least = (fabs(v[i]) < fabs(v[least])) ? i : least;
+    }
     const double square = cfi_max(cfi_dot(v, v), 1e-300);
     for (uint32_t i = 0U; i < 3U; i++) {
         lines[0][i] = ((i == least) ? 1.0 : 0.0) - (v[least] * v[i] / square);
@@ -419,7 +423,7 @@ static double *unknown(const scene_t *scene, uint32_t j, double *size)
 }
 
 /* One step of Newton's method, with derivatives by differences. */
-static bool step(const scene_t *scene, const double errors[], uint32_t *evaluations)
+static bool newton_step(const scene_t *scene, const double errors[], uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
     const uint32_t size = 4U * work->count;
@@ -473,7 +477,7 @@ static bool newton(const scene_t *scene, uint32_t *evaluations)
         }
         const double error = conditions(scene, errors, evaluations);
         settled = (error < TOUCHING);
-        on = (error < FAR) && (*evaluations > 0U) && (settled || step(scene, errors, evaluations));
+        on = (error < FAR) && (*evaluations > 0U) && (settled || newton_step(scene, errors, evaluations));
     }
     for (uint32_t k = 0U; k < work->count; k++) {
         settled = settled && (cfi_dot(work->touches[k].force, work->touches[k].position) > 0.0);
@@ -598,7 +602,7 @@ static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluation
     work->arcs[0] = scene->direct.arcs[0];
     (void)look(scene, true, &fresh, evaluations);
     sort_touches(work);
-    double lines[3][3] = {{0.0}};
+    double lines[3][3] = {0};
     for (uint32_t k = 0U; (k < work->count) && (ray < RAYS); k++) {
         cff_touch_t *touch = &work->touches[k];
         double r[3];
@@ -631,7 +635,7 @@ static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluation
 /* Try the sides, the cheapest first; the best clear path is left in `found`. */
 static cff_status_t try_sides(const scene_t *scene, cff_avoidance_t *found, uint32_t *evaluations)
 {
-    double costs[RAYS + 1U];
+    double costs[RAYS + 1U] = {0};
     cff_status_t status = CFF_NO_PLAN;
     for (uint32_t ray = 0U; ray <= RAYS; ray++) {
         choose_side(scene, ray, evaluations);
@@ -660,7 +664,7 @@ static bool invert(const scene_t *scene)
 {
     bool good = true;
     for (uint32_t j = 0U; (j < 6U) && good; j++) {
-        double gap[6] = {0.0};
+        double gap[6] = {0};
         double thrust[6];
         gap[j] = 1.0;
         good = cfi_steer(scene->direct.chief, scene->direct.arcs[0].mean_motion_rad_s, scene->start, scene->end, gap, thrust);
@@ -702,9 +706,16 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
     }
     status = (status == CFF_OK) ? cff_energy(&path, &energy) : status;
     if (status == CFF_OK) {
-        const scene_t scene = {path, obstacles, zones, obstacle_count, direct->start_s, direct->end_s, work};
+        scene_t scene;
         uint32_t left = evaluations;
         bool unused;
+        scene.direct = path;
+        scene.obstacles = obstacles;
+        scene.zones = zones;
+        scene.obstacle_count = obstacle_count;
+        scene.start = direct->start_s;
+        scene.end = direct->end_s;
+        scene.work = work;
         work->count = 0U;
         work->arc_count = 1U;
         work->arcs[0] = *direct;

@@ -80,7 +80,7 @@ static double root(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, b
 /* When a piece is inside, in [0, 1], `low` >= `high` if never; false if it is to be halved. */
 static bool decide(cff_shape_t shape, const cfi_piece_t *piece, bool narrow, double *low, double *high, uint32_t *evaluations)
 {
-    part_state_t states[6];
+    part_state_t states[6] = {OUT, OUT, OUT, OUT, OUT, OUT};
     bool decided = true;
     bool out = cfi_excluded(shape, piece);
     *low = 0.0;
@@ -153,9 +153,9 @@ cff_status_t cff_conflicts_begin(cff_conflict_search_t *search, const cff_path_t
 {
     const cff_status_t status = cfi_check_pair(one, other, zone);
     if (status != CFF_BAD_INPUT) {
-        const cff_conflict_search_t nothing = {{NULL, 0U, NULL}, {NULL, 0U, NULL}, NULL, 0.0, 0.0, 0.0, 0.0, 0.0,
-                                               {0U, 0U, 0.0, {0.0}}, {0U, 0U, 0.0, {0.0}}, 0U, false, false, true};
-        *search = nothing; /* which is finished */
+        static const cff_conflict_search_t nothing = {0};
+        *search = nothing;
+        search->finished = true;
     }
     if (status == CFF_OK) {
         const double t = common_start(one, other);
@@ -246,11 +246,11 @@ cff_status_t cff_conflicts_continue(cff_conflict_search_t *search, uint32_t eval
     uint32_t left = evaluations;
     cff_status_t status = ((evaluations >= CFF_LEAST_EVALUATIONS) && (*count <= capacity)) ? CFF_OK : CFF_BAD_INPUT;
     while ((status == CFF_OK) && !search->finished) { /* each turn costs evaluations */
-        if (left < (CFF_VIEW_EVALUATIONS + CFF_PIECE_EVALUATIONS)) {
+        if (left < (cfi_view_cost(&search->one) + CFF_PIECE_EVALUATIONS)) {
             status = CFF_MORE;
         } else if ((search->certified_until_s < search->end_s) || !search->begun) {
             cfi_view_t view;
-            cfi_spend(&left, CFF_VIEW_EVALUATIONS);
+            cfi_spend(&left, cfi_view_cost(&search->one));
             cfi_see(&search->one, &search->place_of_one, &search->other, &search->place_of_other,
                     search->certified_until_s, search->end_s, search->zone, &view);
             search->begun = true; /* paths may share one instant only */
@@ -330,14 +330,14 @@ cff_status_t cff_closest_approach(const cff_path_t *one, const cff_path_t *other
             cfi_view_t view;
             double u = 0.0;
             const double before = approach->ratio;
-            cfi_spend(&left, CFF_VIEW_EVALUATIONS);
+            cfi_spend(&left, cfi_view_cost(one));
             cfi_see(one, &at_one, other, &at_other, t, end_s, zone, &view);
             const double reached = cfi_minimum(&view, zone->shape, &approach->ratio, &u, &left);
             approach->time_s = (approach->ratio < before) ? cfi_time_in(&view, u) : approach->time_s;
             t = cfi_time_in(&view, reached);
             t = (approach->ratio == 0.0) ? end_s : t; /* there is no less */
             on = (t < end_s);
-            if (on && (left < (CFF_VIEW_EVALUATIONS + CFF_PIECE_EVALUATIONS))) {
+            if (on && (left < (cfi_view_cost(one) + CFF_PIECE_EVALUATIONS))) {
                 status = CFF_MORE;
                 on = false;
             }

@@ -13,6 +13,7 @@
 #define PRECISION 1.0e-10 /* a minimum norm is certain to this fraction of itself */
 #define NIL 1.0e-13       /* a norm below counts as 0 */
 #define ROOT_STEPS 100U
+static const uint32_t HALVINGS[2] = {8U, 2U}; /* every how many steps a bracket is halved: a kink has no slope to follow */
 
 /* The norm at u, and a number with the sign of its slope. */
 static double norm_and_slope(const cfi_piece_t *piece, cff_shape_t shape, double u, double *slope)
@@ -45,7 +46,7 @@ static double norm_and_slope(const cfi_piece_t *piece, cff_shape_t shape, double
 /* The bottom of a valley and the norm there: regula falsi in a bracket (Illinois), at times the middle. */
 static double bottom(const cfi_piece_t *piece, cff_shape_t shape, double *norm, uint32_t *evaluations)
 {
-    const uint32_t halving = (shape == CFF_ELLIPSOID) ? 8U : 2U; /* a kink has no slope to follow */
+    const uint32_t halving = HALVINGS[(shape == CFF_ELLIPSOID) ? 0 : 1];
     double low = 0.0;
     double high = 1.0;
     double falls;
@@ -118,7 +119,8 @@ static void keep(double norm, double u, double *best, double *best_u)
 /* The norm at an end of a piece. */
 static void keep_end(const cfi_piece_t *piece, cff_shape_t shape, bool at_end, double *best, double *best_u)
 {
-    const uint32_t k = at_end ? (CFF_TERMS - 1U) : 0U;
+    const uint32_t last = CFF_TERMS - 1U;
+    const uint32_t k = at_end ? last : 0U;
     const double r[3] = {piece->c[0][k], piece->c[1][k], piece->c[2][k]};
     keep(cfi_norm(shape, r), piece->low + (at_end ? piece->width : 0.0), best, best_u);
 }

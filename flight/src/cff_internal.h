@@ -2,6 +2,8 @@
 #ifndef CFF_INTERNAL_H
 #define CFF_INTERNAL_H
 
+#include <stddef.h>
+
 #include "closeform_flight.h"
 
 #define CFF_PI 3.14159265358979323846
@@ -98,6 +100,7 @@ bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const
 /* cff_table.c */
 double cfi_angle(const cff_table_t *chief, double t);
 double cfi_time(const cff_table_t *chief, double angle);
+bool cfi_clock_is_good(const cff_table_t *chief);
 bool cfi_within_table(const cff_table_t *chief, double from, double to);
 bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place);
 void cfi_next_window(const cff_table_t *chief, cff_cursor_t *place);
@@ -127,7 +130,8 @@ bool cfi_excluded(cff_shape_t shape, const cfi_piece_t *piece);
 double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF_SQUARE]);
 
 /* cff_view.c */
-#define CFF_VIEW_EVALUATIONS 12U /* cost of a view in evaluations, as measured on LEON3 and Cortex-M7 */
+/* Cost of a view in evaluations of at most 800 instructions on LEON3: by Hill's equations and beside a table. */
+static inline uint32_t cfi_view_cost(const cff_path_t *path) { return (path->chief != NULL) ? 32U : 12U; }
 #define CFF_PIECE_EVALUATIONS 8U /* and of a piece */
 #define CFF_FINEST 1073741824.0   /* parts of a view: 2^30; a narrower piece is an instant */
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,

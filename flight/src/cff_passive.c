@@ -16,6 +16,7 @@
 #define NARROWEST 9.5367431640625e-07 /* cells, of a window: 2^-20 */
 #define CELL_EVALUATIONS 40U
 #define PROBE_EVALUATIONS 600U
+#define PROBES 18U /* up to a quarter of a window */
 #define ON_JOINT 1.0e-14
 
 /* Failures within one window: states at its beginning, bounds of their errors, and the window's share in time. */
@@ -59,7 +60,8 @@ static void position(const drift_t *drift, double failure, double time, double q
         double slope;
         const double drifts = (j < COSTATE) ? cfi_value(drift->failures->y[j], failure, &slope) : 0.0;
         const double z = drifts - drift->other->columns[j];
-        for (uint32_t axis = 0U; (axis < 3U) && (z != 0.0); axis++) {
+        const bool moves = (z != 0.0);
+        for (uint32_t axis = 0U; (axis < 3U) && moves; axis++) {
             for (uint32_t b = 0U; b < CFF_TERMS; b++) {
                 r[axis] += z * at_time[b] * rows_of(drift, j, axis, b);
             }
@@ -92,7 +94,7 @@ static bool beyond(const drift_t *drift, const cell_t *cell, const double w[3], 
 {
     const double *errors = &drift->chief->errors[(size_t)drift->other->window * CFF_COLUMNS];
     double m[3] = {0.0, 0.0, 0.0}; /* w in metres */
-    double points[CFF_TERMS][CFF_TERMS] = {{0.0}};
+    double points[CFF_TERMS][CFF_TERMS] = {0};
     double off = 0.0;
     for (uint32_t i = 0U; i < 3U; i++) {
         for (uint32_t k = 0U; k < 3U; k++) {
@@ -101,11 +103,11 @@ static bool beyond(const drift_t *drift, const cell_t *cell, const double w[3], 
     }
     const double stretch = (fabs(m[0]) + fabs(m[1])) + fabs(m[2]);
     for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
-        double g[CFF_TERMS];
-        double y[CFF_TERMS] = {0.0};
-        double largest = 0.0;
         const double z = drift->other->columns[j];
         if ((j < COSTATE) || (z != 0.0)) {
+            double g[CFF_TERMS];
+            double y[CFF_TERMS] = {0};
+            double largest = 0.0;
             const double size = along(drift, cell, j, m, g);
             if (j < COSTATE) {
                 cfi_cut(drift->failures->y[j], cell->failure, cell->failure + cell->failure_width, y);
@@ -190,8 +192,10 @@ static bool last_is_inside(const drift_t *drift, const cell_t *cell)
 static bool probe(const drift_t *drift, cell_t *cell)
 {
     static const double way[8][2] = {{1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}, {-1.0, 1.0}, {-1.0, 0.0}, {-1.0, -1.0}, {0.0, -1.0}, {1.0, -1.0}};
+    double scale = NARROWEST;
     bool inside = false;
-    for (double scale = 2.0 * NARROWEST; (scale < 0.5) && !inside; scale *= 2.0) { /* 18 turns */
+    for (uint32_t turn = 0U; (turn < PROBES) && !inside; turn++) {
+        scale *= 2.0;
         for (uint32_t k = 0U; (k < 8U) && !inside; k++) {
             const double failure = cfi_min(cfi_max(cell->failure + (scale * way[k][0]), 0.0), 1.0);
             const double time = cfi_min(cfi_max(cell->time + (scale * way[k][1]), 0.0), 1.0);
@@ -271,7 +275,7 @@ static void advance(const cff_table_t *chief, uint32_t window, failures_t *failu
 {
     const double *step = &chief->steps[(size_t)window * 6U * CFF_COLUMNS];
     for (uint32_t b = 0U; b <= CFF_TERMS; b++) { /* and last the errors */
-        double to[6] = {0.0};
+        double to[6] = {0};
         for (uint32_t i = 0U; i < 6U; i++) {
             for (uint32_t j = 0U; j < 6U; j++) {
                 const double a = step[(i * CFF_COLUMNS) + j];
@@ -441,7 +445,7 @@ cff_status_t cff_loss_of_thrust(const cff_path_t *path, const cff_path_t *other,
         place.arc = arc_from(path, t);
         (void)cfi_place(path->chief, &path->arcs[place.arc], t, &place);
         while (on) { /* each turn costs evaluations */
-            cfi_spend(&left, CFF_VIEW_EVALUATIONS);
+            cfi_spend(&left, cfi_view_cost(path));
             result.verdict = judge_failures(path, other, zone, &place, until_s, &t, &result, &left);
             if ((result.verdict == CFF_SAFE) && (left < CELL_EVALUATIONS)) {
                 status = CFF_MORE;

@@ -119,7 +119,7 @@ double cfi_value(const double f[CFF_TERMS], double u, double *slope)
             rate = (rate * v) + (CHOOSE_10[k] * power * (f[k + 1U] - f[k]));
         }
     }
-    *slope = (double)DEGREE * rate;
+    *slope = 11.0 * rate; /* of degree 11 */
     return total;
 }
 

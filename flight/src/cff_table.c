@@ -84,18 +84,24 @@ bool cfi_within_table(const cff_table_t *chief, double from, double to)
     return good;
 }
 
+/* Whether the numbers of the clock are in their ranges. */
+bool cfi_clock_is_good(const cff_table_t *chief)
+{
+    return cfi_finite(&chief->rate_rad_s, 1U) && (chief->rate_rad_s > 0.0) && (chief->eccentricity >= 0.0) &&
+           (chief->eccentricity < 1.0) && (fabs(chief->phase_rad) <= FARTHEST_RAD) && (chief->turn_rad >= 0.0) &&
+           (chief->turn_rad <= FARTHEST_RAD) && (chief->windows > 0U) && (chief->windows <= CFF_MOST_WINDOWS);
+}
+
 cff_status_t cff_check_table(const cff_table_t *chief)
 {
-    bool good = cfi_finite(&chief->rate_rad_s, 1U) && (chief->rate_rad_s > 0.0) && (chief->eccentricity >= 0.0) &&
-                (chief->eccentricity < 1.0) && cfi_finite(&chief->phase_rad, 1U) && (chief->turn_rad >= 0.0) &&
-                (fabs(chief->phase_rad) <= FARTHEST_RAD) && (chief->turn_rad <= FARTHEST_RAD) && (chief->windows > 0U) &&
-                (chief->windows <= CFF_MOST_WINDOWS);
+    bool good = cfi_clock_is_good(chief);
     for (uint32_t k = 0U; good && (k <= chief->windows); k++) {
         good = (fabs(chief->joints_rad[k]) <= FARTHEST_RAD) &&
                ((k == 0U) || (chief->joints_rad[k] > (chief->joints_rad[k - 1U] + ON_JOINT)));
     }
     if (good && (chief->turn_rad > 0.0)) {
-        good = (fabs((chief->joints_rad[chief->windows] - chief->joints_rad[0]) - chief->turn_rad) <= (1e-12 * chief->turn_rad));
+        const double way = chief->joints_rad[chief->windows] - chief->joints_rad[0];
+        good = (fabs(way - chief->turn_rad) <= (1e-12 * chief->turn_rad));
     }
     for (uint32_t k = 0U; good && (k < chief->windows); k++) {
         good = cfi_finite(&chief->rows[(size_t)k * CFF_COLUMNS * 72U], CFF_COLUMNS * 72U) &&
@@ -197,13 +203,20 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
     double *z = place->columns;
     cfi_weights(u, weights);
     flow(chief, place->window, weights, matrix);
-    bool good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE]);
+    bool good = true;
+    bool driven = false;
+    for (uint32_t j = COSTATE; j < PUSH; j++) {
+        driven = driven || (z[j] != 0.0);
+    }
+    if (driven) {
+        good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE]);
+        flow(chief, place->window, weights, matrix);
+    }
     for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
         for (uint32_t i = 0U; (i < 6U) && (z[j] != 0.0); i++) {
             z[i] -= z[j] * at(chief, place->window, j, i, weights);
         }
     }
-    flow(chief, place->window, weights, matrix);
     good = cfi_solve(&matrix[0][0], 6U, z) && good;
     return good;
 }
@@ -240,8 +253,10 @@ static bool window_after(const cff_table_t *chief, const cff_cursor_t *place)
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t)
 {
     const double angle = cfi_angle(chief, t) + ON_JOINT;
-    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && (cfi_window_end(chief, place) <= angle) && window_after(chief, place); k++) {
+    bool on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
+    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && on; k++) {
         cfi_next_window(chief, place);
+        on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
     }
 }
 

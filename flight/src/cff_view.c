@@ -50,15 +50,14 @@ static void see_hill(const cff_arc_t *a, const cff_arc_t *b, const cff_zone_t *z
     for (uint32_t i = 0U; i < 3U; i++) {
         double powers[CFF_POWERS];
         double scale = 1.0;
-        for (uint32_t k = 0U; k < CFF_POWERS; k++) {
+        for (uint32_t k = 0U; k < CFF_ORDER; k++) {
+            scale *= (k > 0U) ? (h / (double)k) : 1.0;
+            powers[k] = q[k][i] * scale;
+        }
+        for (uint32_t k = order; k < CFF_POWERS; k++) { /* by (D^2 + n^2) or its square */
             const double kk = (double)k * ((double)k - 1.0);
-            if (k < order) {
-                scale *= (k > 0U) ? (h / (double)k) : 1.0;
-                powers[k] = q[k][i] * scale;
-            } else { /* by (D^2 + n^2) or its square */
-                powers[k] = -(zz * first / kk) * powers[k - 2U];
-                powers[k] -= (second * zz * zz / (kk * ((double)k - 2.0) * ((double)k - 3.0))) * powers[k - 4U];
-            }
+            powers[k] = -(zz * first / kk) * powers[k - 2U];
+            powers[k] -= (second * zz * zz / (kk * ((double)k - 2.0) * ((double)k - 3.0))) * powers[k - 4U];
         }
         cfi_from_powers(powers, view->c[i], &view->off[i]);
     }
@@ -72,13 +71,16 @@ static void see_table(const cff_cursor_t *one, const cff_cursor_t *other, const 
     const double low = cfi_min(cfi_max((view->first - one->origin_rad) / size, 0.0), 1.0);
     const double high = cfi_min(low + (view->length / size), 1.0);
     const double *errors = &chief->errors[(size_t)one->window * CFF_COLUMNS];
-    double r[3][CFF_TERMS] = {{0.0}};
+    double r[3][CFF_TERMS] = {0};
     double off = 0.0;
     for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
         const double z = one->columns[j] - other->columns[j];
         const double *row = &chief->rows[(((size_t)one->window * CFF_COLUMNS) + j) * 72U];
-        for (uint32_t k = 0U; (k < (3U * CFF_TERMS)) && (z != 0.0); k++) {
-            r[k / CFF_TERMS][k % CFF_TERMS] += z * row[k];
+        const bool moves = (z != 0.0);
+        for (uint32_t i = 0U; (i < 3U) && moves; i++) {
+            for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+                r[i][k] += z * row[(i * CFF_TERMS) + k];
+            }
         }
         off += fabs(z) * errors[j];
     }

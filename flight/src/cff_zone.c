@@ -12,9 +12,13 @@
 /* The axes over which a part is round; 0 for a flat part. */
 uint32_t cfi_round_axes(cff_shape_t shape, uint32_t part)
 {
-    uint32_t axes = (shape == CFF_ELLIPSOID) ? 3U : 0U;
-    if ((shape == CFF_CYLINDER) && (part == 0U)) {
+    uint32_t axes = 0U;
+    if (shape == CFF_ELLIPSOID) {
+        axes = 3U;
+    } else if ((shape == CFF_CYLINDER) && (part == 0U)) {
         axes = 2U;
+    } else {
+        /* flat */
     }
     return axes;
 }
