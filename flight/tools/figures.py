@@ -1,8 +1,8 @@
 """Measure the flight core and write the tables of docs/on_board.md: size, stack, instructions of each target.
 
-Usage: python flight/tools/figures.py VECTORS (the folder of `closeform flight-vectors`). It needs the compilers
-of TARGETS and QEMU 7.2 (qemu-user). The stack is the longest path in the compiler's call graph. Instructions
-are those that QEMU counts in the golden vectors: two replays less one, over the number of cases.
+Usage: python flight/tools/figures.py VECTORS, the folder of `closeform flight-vectors`. It needs the cross
+compilers of TARGETS and QEMU 7.2 (qemu-user). The stack is the longest path in the compiler's call graph.
+Instructions are those that QEMU counts in the golden vectors: two replays less one, over the number of cases.
 """
 
 import re
@@ -82,7 +82,7 @@ def deepest(stacks: dict[str, int], calls: dict[str, set[str]]) -> dict[str, int
 
 
 def instructions(compiler: str, emulator: str, linked: list[str], vectors: Path, place: Path) -> list[float]:
-    """Return the mean number of instructions of each kind of work in each model, with -O2; 0 without cases."""
+    """Return the mean number of instructions of each kind of work and model, with -O2; 0 without cases."""
     header = (vectors / "golden_vectors.h").read_text()
     given = [*compiler.split(), *FLAGS, "-O2", "-Iinclude", f"-I{vectors}"]
     sources = sorted(map(str, (FLIGHT / "src").glob("*.c")))
