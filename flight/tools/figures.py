@@ -153,8 +153,9 @@ def tables(vectors: Path) -> str:
 def main() -> None:
     vectors = Path(sys.argv[1]).resolve()
     begin, end = "<!-- figures -->\n", "\n<!-- end -->"
+    measured = tables(vectors)
     head, rest = PAGE.read_text(encoding="utf-8").split(begin)
-    PAGE.write_text(head + begin + tables(vectors) + end + rest.split(end, 1)[1], encoding="utf-8")
+    PAGE.write_text(head + begin + measured + end + rest.split(end, 1)[1], encoding="utf-8")
 
 
 if __name__ == "__main__":
