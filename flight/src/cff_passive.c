@@ -309,8 +309,10 @@ static cff_verdict_t judge_drifts(const cff_path_t *other, const cff_zone_t *zon
     while (on && (*evaluations >= CELL_EVALUATIONS)) { /* each turn costs evaluations */
         const double end = cfi_min(cfi_window_end(chief, &at), last);
         const double its_end = other->arcs[its.arc].end_s;
-        const double high = cfi_min(end, cfi_angle(chief, its_end));
+        const double its_last = cfi_angle(chief, its_end);
+        const double high = cfi_min(end, its_last);
         cell_t cell = {0.0, 1.0, 0.0, 1.0};
+        cfi_spend(evaluations, cfi_view_cost(other));
         drift.low = cfi_share(chief, &at, cfi_angle(chief, t));
         drift.high = cfi_share(chief, &at, high);
         if (drift.high > drift.low) {
@@ -321,7 +323,11 @@ static cff_verdict_t judge_drifts(const cff_path_t *other, const cff_zone_t *zon
             found->failure_s = cell.failure + (0.5 * cell.failure_width); /* a share yet */
             found->time_s = cfi_time(chief, at.origin_rad + (u * (cfi_window_end(chief, &at) - at.origin_rad)));
         }
-        t = (high >= last) ? until : cfi_time(chief, high);
+        if (high >= its_last) {
+            t = its_end;
+        } else {
+            t = (high >= last) ? until : cfi_time(chief, high);
+        }
         on = (verdict == CFF_SAFE) && (high < (last - ON_JOINT));
         if (on && (high >= (cfi_window_end(chief, &at) - ON_JOINT))) {
             advance(chief, at.window, failures);
@@ -329,7 +335,7 @@ static cff_verdict_t judge_drifts(const cff_path_t *other, const cff_zone_t *zon
             drift.same = false;
         }
         if (on) {
-            (void)cfi_follow(other, &its, cfi_max(t, (its_end <= t) ? its_end : t));
+            (void)cfi_follow(other, &its, t);
         }
     }
     return verdict;

@@ -266,8 +266,10 @@ cff_status_t cff_energy(const cff_path_t *path, double *energy_m2_s3)
             total += (path->chief != NULL) ? cfi_arc_energy(path->chief, &path->arcs[k]) : energy_of(&path->arcs[k]);
         }
     }
-    if (status == CFF_OK) {
+    if ((status == CFF_OK) && (fabs(total) <= CFF_FOREVER)) {
         *energy_m2_s3 = total;
+    } else {
+        status = CFF_BAD_INPUT;
     }
     return status;
 }
