@@ -124,3 +124,12 @@ def test_verdicts_on_loss_of_thrust_are_those_of_the_package():
         assert cf.flight.passively_safe(path, other, zone, 5500.0) == expected
         verdicts.append(expected)
     assert 8 <= sum(verdicts) <= 32
+
+
+def test_a_missing_or_failing_compiler_is_named(monkeypatch, tmp_path):
+    for command, message in (("no-such-compiler", "requires a C compiler"), ("false", "false failed")):
+        monkeypatch.setenv("CC", command)
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        with pytest.raises(RuntimeError, match=message):
+            cf.flight.build()
+    assert not list(tmp_path.rglob("*.so"))
