@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "images" / "gallery"
 WIDTH = 1100  # width of a picture [px]
-COLUMNS = 145  # of the page's text
+COLUMNS = 150  # of the page's text
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 # Sections with their examples, and the picture of the result folder that stands for each example.
@@ -116,7 +116,7 @@ def entry(name: str) -> str:
     command = " ".join(["closeform", *command_of(name)])
     unbroken = command.replace(" ", NO_BREAK)
     about = fill(f"{' '.join(comment)} `{unbroken}`", COLUMNS, break_on_hyphens=False).replace(NO_BREAK, " ")
-    return "\n\n".join([f"### {title(name)}", f"![{title(name)}](images/gallery/{name}.png)", about])
+    return f"### {title(name)}\n![{title(name)}](images/gallery/{name}.png)\n\n{about}"
 
 
 def page() -> str:

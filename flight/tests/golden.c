@@ -7,7 +7,7 @@
  *
  * With -DDIGEST=n another digest is a failure.  With -DCFF_FREESTANDING it needs no library and prints nothing (see start_*.c).  To count instructions, the
  * work is repeated -DREPEAT=n times, and -DWORK=k leaves one kind of it: 1 conflicts, 2 closest approaches,
- * 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust.
+ * 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust; -DTABLE=0 leaves Hill's equations, 1 tables of chiefs.
  */
 #include "golden_vectors.h"
 
@@ -19,6 +19,9 @@
 #endif
 #ifndef WORK
 #define WORK 0
+#endif
+#ifndef TABLE
+#define TABLE 2
 #endif
 #define BUDGET 100000U
 #define AVOID_BUDGET 4000000U
@@ -246,27 +249,32 @@ static int joins(void)
     return bad;
 }
 
+static bool wanted(int work, int orbit)
+{
+    return ((WORK == 0) || (WORK == work)) && ((TABLE == 2) || ((TABLE == 1) == (golden_orbits[orbit].chief != NULL)));
+}
+
 static int replay(void)
 {
     int bad = 0;
     int dearer = 0;
-    for (int p = 0; (p < GOLDEN_PAIR_COUNT) && ((WORK == 0) || (WORK == 1)); p++) {
-        bad += conflicts(&golden_pair[p]);
+    for (int p = 0; p < GOLDEN_PAIR_COUNT; p++) {
+        bad += wanted(1, golden_pair[p].orbit) ? conflicts(&golden_pair[p]) : 0;
     }
-    for (int p = 0; (p < GOLDEN_PAIR_COUNT) && ((WORK == 0) || (WORK == 2)); p++) {
-        bad += approach(&golden_pair[p]);
+    for (int p = 0; p < GOLDEN_PAIR_COUNT; p++) {
+        bad += wanted(2, golden_pair[p].orbit) ? approach(&golden_pair[p]) : 0;
     }
-    for (int p = 0; (p < GOLDEN_TRANSFER_COUNT) && ((WORK == 0) || (WORK == 3)); p++) {
-        bad += transfer(&golden_transfer[p]);
+    for (int p = 0; p < GOLDEN_TRANSFER_COUNT; p++) {
+        bad += wanted(3, golden_transfer[p].orbit) ? transfer(&golden_transfer[p]) : 0;
     }
     if ((WORK == 0) || (WORK == 4)) {
         bad += locks();
     }
-    for (int p = 0; (p < GOLDEN_AVOID_COUNT) && ((WORK == 0) || (WORK == 5)); p++) {
-        bad += avoided(&golden_avoid[p], &dearer);
+    for (int p = 0; p < GOLDEN_AVOID_COUNT; p++) {
+        bad += wanted(5, golden_avoid[p].orbit) ? avoided(&golden_avoid[p], &dearer) : 0;
     }
-    for (int p = 0; (p < GOLDEN_LOSS_COUNT) && ((WORK == 0) || (WORK == 6)); p++) {
-        bad += lost_thrust(&golden_loss[p]);
+    for (int p = 0; p < GOLDEN_LOSS_COUNT; p++) {
+        bad += wanted(6, golden_loss[p].orbit) ? lost_thrust(&golden_loss[p]) : 0;
     }
     bad += (20 * dearer) > GOLDEN_AVOID_COUNT;
     return bad + ((WORK == 0) ? joins() : 0);
