@@ -144,7 +144,7 @@ def test_a_path_around_a_lingering_obstacle_is_clear_when_integrated():
         one, two = flown(path, 0.0, 1800.0), flown(obstacle, 0.0, 1800.0)
         times = np.linspace(0.0, 1800.0, 2000)
         assert ZONE.norm((one(times) - two(times))[:3].T).min() > 1.0 - 1e-6
-        assert np.abs(one(1800.0) - direct.state(1800.0)).max() < 1e-5
+        assert np.abs(one(1800.0) - direct.state(1800.0)).max() < 1e-4
         bent += len(path.arcs) > 1
     assert bent >= 6
 
