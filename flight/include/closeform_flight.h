@@ -255,34 +255,57 @@ typedef struct {
     uint32_t evaluations_used;
 } cff_lock_t;
 
+/*
+ * Contracts of the functions are in ACSL (comments that begin with an at sign), for Frama-C; see flight/analysis.  In all of them pointers are
+ * valid, and what a path or a table points at too.
+ */
+/*@ predicate cff_is_table(cff_table_t *chief) = \valid_read(chief) &&
+      \valid_read(chief->joints_rad + (0 .. chief->windows)) &&
+      \valid_read(chief->rows + (0 .. chief->windows * 1080 - 1)) &&
+      \valid_read(chief->steps + (0 .. chief->windows * 90 - 1)) &&
+      \valid_read(chief->errors + (0 .. chief->windows * 15 - 1)); */
+/*@ predicate cff_is_path(cff_path_t *path) = \valid_read(path) &&
+      (path->count > 0 ==> \valid_read(path->arcs + (0 .. path->count - 1))) &&
+      (path->chief == \null || cff_is_table(path->chief)); */
+
 /* Natural motion: the state `duration_s` later (or earlier, by Hill's equations). */
+/*@ requires \valid_read(state) && \valid(later); assigns *later; */
 cff_status_t cff_coast(double mean_motion_rad_s, double duration_s, const cff_state_t *state, cff_state_t *later);
 
 /* The arc of minimum energy, half the integral of |thrust|^2, between two states. */
+/*@ requires \valid_read(initial) && \valid_read(final) && \valid(arc); assigns *arc; */
 cff_status_t cff_transfer(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
                           const cff_state_t *final, cff_arc_t *arc);
 
 /* An arc of natural motion. */
+/*@ requires \valid_read(initial) && \valid(arc); assigns *arc; */
 cff_status_t cff_drift(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
                        cff_arc_t *arc);
 
 /* The same beside the chief of a table. */
+/*@ requires cff_is_table(chief) && \valid_read(initial) && \valid_read(final) && \valid(arc); assigns *arc; */
 cff_status_t cff_transfer_beside(const cff_table_t *chief, double start_s, double duration_s, const cff_state_t *initial,
                                  const cff_state_t *final, cff_arc_t *arc);
+/*@ requires cff_is_table(chief) && \valid_read(initial) && \valid(arc); assigns *arc; */
 cff_status_t cff_drift_beside(const cff_table_t *chief, double start_s, double duration_s, const cff_state_t *initial,
                               cff_arc_t *arc);
 
 /* Half the integral of |thrust|^2 along a path without push, per unit mass. */
+/*@ requires cff_is_path(path) && \valid(energy_m2_s3); assigns *energy_m2_s3; */
 cff_status_t cff_energy(const cff_path_t *path, double *energy_m2_s3);
 
 /* State and thrust acceleration along a path; before its start and after its end, those there. */
+/*@ requires cff_is_path(path) && \valid(state); assigns *state; */
 cff_status_t cff_state_at(const cff_path_t *path, double time_s, cff_state_t *state);
+/*@ requires cff_is_path(path) && \valid(thrust_m_s2 + (0 .. 2)); assigns thrust_m_s2[0 .. 2]; */
 cff_status_t cff_thrust_at(const cff_path_t *path, double time_s, double thrust_m_s2[3]);
 
 /* Check a path: numbers, times in order, joints (to 1e-9), mean motion or table. */
+/*@ requires cff_is_path(path); assigns \nothing; */
 cff_status_t cff_check_path(const cff_path_t *path);
 
 /* Check a table once, when it is uploaded: numbers, and angles in order.  Other functions check its clock only. */
+/*@ requires cff_is_table(chief); assigns \nothing; */
 cff_status_t cff_check_table(const cff_table_t *chief);
 
 /*
@@ -293,8 +316,11 @@ cff_status_t cff_check_table(const cff_table_t *chief);
  * relative position is above 1, up to rounding, however short a conflict is.  The paths, tables and zone
  * given to cff_conflicts_begin must outlive the search.
  */
+/*@ requires \valid(search) && cff_is_path(one) && cff_is_path(other) && \valid_read(zone); assigns *search; */
 cff_status_t cff_conflicts_begin(cff_conflict_search_t *search, const cff_path_t *one, const cff_path_t *other,
                                  const cff_zone_t *zone);
+/*@ requires \valid(search) && \valid(count) && (capacity > 0 ==> \valid(conflicts + (0 .. capacity - 1)));
+    assigns *search, *count, conflicts[0 .. capacity - 1]; */
 cff_status_t cff_conflicts_continue(cff_conflict_search_t *search, uint32_t evaluations, cff_conflict_t conflicts[],
                                     uint32_t capacity, uint32_t *count);
 
@@ -303,11 +329,15 @@ cff_status_t cff_conflicts_continue(cff_conflict_search_t *search, uint32_t eval
  * The search that is certified for the shortest time goes first, so that `*certified_until_s`, up to which
  * all are certified, grows.
  */
+/*@ requires \valid(searches + (0 .. search_count - 1)) && \valid(count) && \valid(certified_until_s) &&
+      (capacity > 0 ==> \valid(conflicts + (0 .. capacity - 1)));
+    assigns searches[0 .. search_count - 1], conflicts[0 .. capacity - 1], *count, *certified_until_s; */
 cff_status_t cff_fleet_continue(cff_conflict_search_t searches[], uint32_t search_count, uint32_t evaluations,
                                 cff_fleet_conflict_t conflicts[], uint32_t capacity, uint32_t *count,
                                 double *certified_until_s);
 
 /* The minimum norm from start to end, both within the common time of the paths. */
+/*@ requires cff_is_path(one) && cff_is_path(other) && \valid_read(zone) && \valid(approach); assigns *approach; */
 cff_status_t cff_closest_approach(const cff_path_t *one, const cff_path_t *other, const cff_zone_t *zone,
                                   double start_s, double end_s, uint32_t evaluations, cff_approach_t *approach);
 
@@ -316,6 +346,9 @@ cff_status_t cff_closest_approach(const cff_path_t *one, const cff_path_t *other
  * cff_transfer or cff_drift, or the like beside the chief of the obstacles.  Zones are ellipsoids.  CFF_OK:
  * the path is certified clear by the search for conflicts.  It is a local minimum, the best of several sides.
  */
+/*@ requires \valid_read(direct) && (\forall integer k; 0 <= k < obstacle_count ==> cff_is_path(obstacles + k)) &&
+      \valid_read(zones + (0 .. obstacle_count - 1)) && \valid(work) && \valid(found);
+    assigns *work, *found; */
 cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], const cff_zone_t zones[],
                        uint32_t obstacle_count, uint32_t evaluations, cff_avoid_work_t *work, cff_avoidance_t *found);
 
@@ -325,6 +358,7 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
  * Both paths are beside a table; a circular orbit has one.  CFF_SAFE is certified.  After CFF_MORE
  * call again with `from_s` = `certified_until_s`, and with more evaluations if that is `from_s` still.
  */
+/*@ requires cff_is_path(path) && cff_is_path(other) && \valid_read(zone) && \valid(found); assigns *found; */
 cff_status_t cff_loss_of_thrust(const cff_path_t *path, const cff_path_t *other, const cff_zone_t *zone, double from_s,
                                 double until_s, uint32_t evaluations, cff_drift_t *found);
 

@@ -308,12 +308,12 @@ static bool add_touch(const scene_t *scene, uint32_t which, double t)
 {
     cff_avoid_work_t *work = scene->work;
     const double near = 2.0 * SAME * (scene->end - scene->start);
-    bool fresh = (work->count < CFF_MOST_CONTACTS);
+    bool fresh = true;
     for (uint32_t k = 0U; k < work->count; k++) {
         const cff_touch_t *touch = &work->touches[k];
         fresh = fresh && ((touch->obstacle != which) || (fabs(touch->time_s - t) >= near));
     }
-    if (fresh) {
+    if (fresh && (work->count < CFF_MOST_CONTACTS)) {
         cff_touch_t *touch = &work->touches[work->count];
         double v[3];
         touch->time_s = t;
@@ -325,6 +325,8 @@ static bool add_touch(const scene_t *scene, uint32_t which, double t)
             touch->normal[i] = (norm > 1e-9) ? (touch->normal[i] / norm) : ((i == 0U) ? 1.0 : 0.0);
         }
         work->count++;
+    } else {
+        fresh = false;
     }
     return fresh;
 }
@@ -342,7 +344,7 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
         const cff_path_t *obstacle = &scene->obstacles[which];
         const cff_zone_t *zone = &scene->zones[which];
         cff_conflict_search_t search;
-        cff_conflict_t conflicts[CONFLICTS];
+        cff_conflict_t conflicts[CONFLICTS] = {{0.0, 0.0}};
         uint32_t count = 0U;
         const cff_status_t begun = cff_conflicts_begin(&search, &path, obstacle, zone);
         if (begun == CFF_BAD_INPUT) {
@@ -356,7 +358,7 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
             cfi_spend(evaluations, search.evaluations_used);
             shortfall = (status == CFF_MORE) ? CFF_FOREVER : shortfall;
         }
-        for (uint32_t k = 0U; k < count; k++) {
+        for (uint32_t k = 0U; (k < count) && (k < CONFLICTS); k++) {
             cff_approach_t near = {0.0, 0.0, 0.0, 0U};
             (void)cff_closest_approach(&path, obstacle, zone, conflicts[k].start_s, conflicts[k].end_s,
                                        cfi_larger(*evaluations, CFF_LEAST_EVALUATIONS), &near);

@@ -86,7 +86,7 @@ static bool decide(cff_shape_t shape, const cfi_piece_t *piece, bool narrow, dou
     *low = 0.0;
     *high = 1.0;
     for (uint32_t part = 0U; (part < cfi_part_count(shape)) && !out; part++) {
-        double f[CFF_SQUARE];
+        double f[CFF_SQUARE] = {0};
         const uint32_t count = cfi_level(shape, part, piece, f);
         states[part] = judge(f, count, narrow);
         out = (states[part] == OUT);
@@ -177,12 +177,13 @@ cff_status_t cff_conflicts_begin(cff_conflict_search_t *search, const cff_path_t
 /* Append the open conflict; false if there is no space. */
 static bool close_conflict(cff_conflict_search_t *search, cff_conflict_t conflicts[], uint32_t capacity, uint32_t *count)
 {
-    const bool space = (*count < capacity);
-    if (space) {
+    bool space = false;
+    if (*count < capacity) {
         conflicts[*count].start_s = search->entry_s;
         conflicts[*count].end_s = search->exit_s;
         *count += 1U;
         search->inside = false;
+        space = true;
     }
     return space;
 }
@@ -231,7 +232,7 @@ static bool search_view(cff_conflict_search_t *search, const cfi_view_t *view, c
         cfi_take_piece(view, &piece);
         if (decide(search->zone->shape, &piece, narrow, &low, &high, evaluations)) {
             space = add_piece(search, view, &piece, low, high, conflicts, capacity, count);
-            on = cfi_next_piece(&piece);
+            on = cfi_next_interval(&piece.low, &piece.width);
         } else {
             (void)cfi_halve_piece(&piece);
         }

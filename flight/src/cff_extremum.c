@@ -136,7 +136,7 @@ double cfi_minimum(const cfi_view_t *view, cff_shape_t shape, double *best, doub
     piece.low = 0.0;
     piece.width = 1.0;
     while (on && (*evaluations >= CFF_PIECE_EVALUATIONS)) { /* each turn costs evaluations */
-        double f[CFF_SQUARE];
+        double f[CFF_SQUARE] = {0};
         bool done = true;
         cfi_spend(evaluations, CFF_PIECE_EVALUATIONS);
         cfi_take_piece(view, &piece);
@@ -157,7 +157,7 @@ double cfi_minimum(const cfi_view_t *view, cff_shape_t shape, double *best, doub
             done = !cfi_halve_piece(&piece);
         }
         if (on && done) {
-            on = cfi_next_piece(&piece);
+            on = cfi_next_interval(&piece.low, &piece.width);
         }
     }
     return cfi_min(piece.low, 1.0);

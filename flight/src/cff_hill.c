@@ -60,7 +60,10 @@ static double horner(const double series[], uint32_t count, double z)
 /* The greatest whole number up to x, for |x| < 2e9; beyond, 0. */
 double cfi_whole(double x)
 {
-    const double cut = ((x > -2.0e9) && (x < 2.0e9)) ? (double)(int32_t)x : 0.0;
+    double cut = 0.0;
+    if ((x > -2.0e9) && (x < 2.0e9)) {
+        cut = (double)(int32_t)x;
+    }
     return (cut > x) ? (cut - 1.0) : cut;
 }
 

@@ -141,7 +141,7 @@ bool cfi_begin_places(const cff_path_t *one, cff_cursor_t *at_one, const cff_pat
 double cfi_time_in(const cfi_view_t *view, double u);
 bool cfi_coasts_apart(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, double h);
 void cfi_take_piece(const cfi_view_t *view, cfi_piece_t *piece);
-bool cfi_next_piece(cfi_piece_t *piece);
+bool cfi_next_interval(double *low, double *width);
 bool cfi_halve_piece(cfi_piece_t *piece);
 
 /* cff_conflicts.c */

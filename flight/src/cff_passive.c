@@ -165,18 +165,6 @@ static void changes(const drift_t *drift, const cell_t *cell, double *by_failure
     }
 }
 
-/* Go on behind an interval, twice as wide where halves allow it; false at the end of [0, 1]. */
-static bool next(double *low, double *width)
-{
-    const double twice = 2.0 * *width;
-    *low += *width;
-    const double number = *low / twice;
-    if (((double)(uint32_t)number == number) && ((*low + twice) <= 1.0)) {
-        *width = twice;
-    }
-    return *low < 1.0;
-}
-
 /* Whether the last time after the first failure of a cell, which does come after it, is inside the zone. */
 static bool last_is_inside(const drift_t *drift, const cell_t *cell)
 {
@@ -232,7 +220,7 @@ static bool judge_times(const drift_t *drift, cell_t *cell, cff_verdict_t *verdi
         const bool after = !drift->same || ((drift->low + (time * (drift->high - drift->low))) >= lost);
         const bool ever = !drift->same || (end > earliest);
         if (!ever || is_clear(drift, cell, q)) {
-            on = next(&cell->time, &cell->time_width);
+            on = cfi_next_interval(&cell->time, &cell->time_width);
         } else if ((after && (cfi_norm(drift->zone->shape, q) <= 1.0)) || last_is_inside(drift, cell)) {
             *verdict = CFF_UNSAFE;
             on = false;
@@ -262,7 +250,7 @@ static cff_verdict_t judge_window(const drift_t *drift, cell_t *cell, uint32_t *
     cell->failure_width = 1.0;
     while (on && (*evaluations >= CELL_EVALUATIONS)) { /* each turn costs evaluations */
         if (judge_times(drift, cell, &verdict, evaluations)) {
-            on = (verdict == CFF_SAFE) && (*evaluations >= CELL_EVALUATIONS) && next(&cell->failure, &cell->failure_width);
+            on = (verdict == CFF_SAFE) && (*evaluations >= CELL_EVALUATIONS) && cfi_next_interval(&cell->failure, &cell->failure_width);
         } else {
             cell->failure_width *= 0.5;
         }

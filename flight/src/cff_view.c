@@ -48,7 +48,7 @@ static void see_hill(const cff_arc_t *a, const cff_arc_t *b, const cff_zone_t *z
     const double first = (order == CFF_COAST_ORDER) ? 1.0 : 2.0;
     const double second = (order == CFF_COAST_ORDER) ? 0.0 : 1.0;
     for (uint32_t i = 0U; i < 3U; i++) {
-        double powers[CFF_POWERS];
+        double powers[CFF_POWERS] = {0};
         double scale = 1.0;
         for (uint32_t k = 0U; k < CFF_ORDER; k++) {
             scale *= (k > 0U) ? (h / (double)k) : 1.0;
@@ -190,16 +190,16 @@ void cfi_take_piece(const cfi_view_t *view, cfi_piece_t *piece)
     }
 }
 
-/* Go on behind a piece, with one twice as wide where the halves of the view allow it; false at the end. */
-bool cfi_next_piece(cfi_piece_t *piece)
+/* Go on behind an interval, twice as wide where halves of [0, 1] allow it; false at the end. */
+bool cfi_next_interval(double *low, double *width)
 {
-    piece->low += piece->width;
-    const double twice = 2.0 * piece->width;
-    const double number = piece->low / twice; /* whole at every second multiple of a width: exact in binary */
-    if (((double)(uint32_t)number == number) && ((piece->low + twice) <= 1.0)) {
-        piece->width = twice;
+    const double twice = 2.0 * *width;
+    *low += *width;
+    const double number = *low / twice; /* whole at every second multiple of a width: exact in binary */
+    if ((cfi_whole(number) == number) && ((*low + twice) <= 1.0)) {
+        *width = twice;
     }
-    return piece->low < 1.0;
+    return *low < 1.0;
 }
 
 /* Halve a piece; false if it is too narrow. */

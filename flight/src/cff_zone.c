@@ -28,7 +28,7 @@ static uint32_t flat_axis(cff_shape_t shape, uint32_t part, double *sign)
 {
     const uint32_t side = (shape == CFF_CYLINDER) ? (part + 3U) : part; /* 4 and 5 for the ends of a cylinder */
     *sign = ((side % 2U) == 0U) ? 1.0 : -1.0;
-    return side / 2U;
+    return (side < 5U) ? (side / 2U) : 2U;
 }
 
 uint32_t cfi_part_count(cff_shape_t shape)

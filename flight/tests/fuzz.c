@@ -1,5 +1,5 @@
 /*
- * A fuzzer of all public functions of motion, conflicts, avoidance and passive safety, for libFuzzer or AFL, or with
+ * A fuzzer of all public functions, for libFuzzer or AFL, or with
  * random inputs of its own:
  *
  *   clang -g -O1 -fsanitize=fuzzer,address,undefined -Iinclude src/[a-z]*.c tests/fuzz.c -lm -o fuzz && ./fuzz -max_total_time=600
@@ -20,7 +20,7 @@
 
 static const uint8_t *bytes;
 static size_t left;
-static unsigned long calls[6], good[6], most;
+static unsigned long calls[6], good[6], most; /* of motion, conflicts, approaches, avoidance, losses, locks */
 
 static uint32_t byte(void)
 {
@@ -161,6 +161,9 @@ static void try_motion(const cff_path_t *path)
     status = path->chief ? cff_transfer_beside(path->chief, number(10.0), number(100.0), &a, &b, &arc)
                          : cff_transfer(fabs(number(2e-3)), number(10.0), number(3000.0), &a, &b, &arc);
     claim(status == CFF_OK || same(&arc, &kept, sizeof arc), "cff_transfer wrote");
+    double thrust[3] = {0.5, 0.5, 0.5};
+    status = cff_thrust_at(path, number(1000.0), thrust);
+    claim(status != CFF_BAD_INPUT || thrust[0] == 0.5, "cff_thrust_at wrote");
     status = cff_energy(path, &energy);
     claim(status != CFF_BAD_INPUT || energy == 0.5, "cff_energy wrote");
     tally(0, status, 0U, 0U);
@@ -228,6 +231,62 @@ static void try_loss(const cff_path_t *one, const cff_path_t *other, const cff_z
     }
 }
 
+static void try_fleet(const cff_path_t *one, const cff_path_t *other, const cff_zone_t *zone, uint32_t budget)
+{
+    static cff_conflict_search_t searches[2];
+    cff_fleet_conflict_t conflicts[2];
+    uint32_t count = 0U;
+    double until = 0.0;
+    if ((cff_conflicts_begin(&searches[0], one, other, zone) == CFF_OK) && (cff_conflicts_begin(&searches[1], other, one, zone) == CFF_OK)) {
+        cff_status_t status = CFF_MORE;
+        for (int k = 0; (k < 20) && ((status == CFF_MORE) || (status == CFF_FULL)); k++) {
+            const uint32_t used = searches[0].evaluations_used + searches[1].evaluations_used;
+            status = cff_fleet_continue(searches, 2U, budget, conflicts, 2U, &count, &until);
+            tally(1, status, searches[0].evaluations_used + searches[1].evaluations_used - used, budget + ONE_STEP);
+            count = (status == CFF_FULL) ? 0U : count;
+        }
+    }
+}
+
+static void try_search(uint32_t budget)
+{
+    cff_schedule_t schedule = {fabs(number(1.6)), fabs(number(0.01)), fabs(number(1.5)), number(10.0), fabs(number(0.5)), byte() % 8U, (byte() & 1U) != 0U};
+    const cff_sensor_t sensor = {fabs(number(3.0)), fabs(number(10.0)), (byte() & 1U) ? CFF_LARGEST : fabs(number(500.0))};
+    cff_leg_t legs[CFF_MOST_LEGS];
+    cff_attitude_t attitude;
+    cff_state_t relative;
+    cff_lock_t lock, kept;
+    cff_gathering_t gathering;
+    cff_join_t join;
+    double velocities[CFF_MOST_CRAFT][3];
+    uint32_t count = 0U;
+    schedule.half_angle_rad = (byte() & 1U) ? sensor.half_angle_rad : schedule.half_angle_rad;
+    const uint32_t capacity = (byte() & 15U) ? CFF_MOST_LEGS : byte() % 20U;
+    const cff_status_t made = (byte() & 1U) ? cff_modified_search(&schedule, legs, capacity, &count)
+                                            : cff_basic_search(&schedule, legs, capacity, &count);
+    numbers(relative.position_m, 3, 300.0);
+    numbers(relative.velocity_m_s, 3, 0.2);
+    if (made == CFF_OK) {
+        memset(&lock, 7, sizeof lock);
+        kept = lock;
+        for (int k = byte() % 8; k > 0; k--) {
+            legs[byte() % count].axis[byte() % 3U] = number(1.0);
+        }
+        (void)cff_attitude_at(legs, count, number(10000.0), (cff_group_t)(byte() & 1U), &attitude);
+        const cff_status_t status = cff_first_lock(legs, count, &sensor, &relative, fabs(number(100.0)), budget, &lock);
+        claim(status != CFF_BAD_INPUT || same(&lock, &kept, sizeof lock), "cff_first_lock wrote");
+        tally(5, status, (status >= 0) ? lock.evaluations_used : 0U, budget + ONE_STEP);
+    }
+    numbers(&velocities[0][0], 3 * CFF_MOST_CRAFT, 0.1);
+    double t = 0.0;
+    if (cff_gathering_begin(&gathering, byte() % (CFF_MOST_CRAFT + 2U), (cff_first_burn_t)(byte() % 3U)) == CFF_OK) {
+        for (int k = 0; k < 12; k++) {
+            t += fabs(number(10.0));
+            (void)cff_gathering_lock(&gathering, t, byte() % 8U, byte() % 8U, velocities, &join);
+        }
+    }
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     cff_table_t table;
@@ -252,6 +311,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     const uint32_t kind = (what >> 2) & 7U;
     if (kind == 0U) {
         try_motion(&one);
+    } else if (kind == 1U) {
+        try_fleet(&one, &other, &zone, budget);
+    } else if (kind == 2U) {
+        try_search(budget);
     } else if (kind < 4U) {
         try_conflicts(&one, &other, &zone, budget);
     } else if (kind < 6U) {
@@ -281,8 +344,8 @@ int main(int argc, char **argv)
         (void)LLVMFuzzerTestOneInput(data, sizeof data);
     }
     printf("%ld inputs; accepted calls of all: motion %lu of %lu, conflicts %lu of %lu, approaches %lu of %lu, avoidance %lu of %lu, "
-           "loss of thrust %lu of %lu; most evaluations of a call %lu\n", (long)CASES, good[0], calls[0], good[1], calls[1], good[2],
-           calls[2], good[3], calls[3], good[4], calls[4], most);
+           "loss of thrust %lu of %lu, locks %lu of %lu; most evaluations of a call %lu\n", (long)CASES, good[0], calls[0], good[1], calls[1], good[2],
+           calls[2], good[3], calls[3], good[4], calls[4], good[5], calls[5], most);
     return 0;
 }
 #endif
