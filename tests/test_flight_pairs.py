@@ -102,7 +102,7 @@ def test_paths_around_obstacles_cost_what_those_of_the_package_cost():
         theirs = cf.avoid(direct, others, zone)
         if theirs.ok and shaped is not None:
             planned += 1
-            assert all(cf.closest_approach(shaped, other, zone).ratio > 1.0 for other in others)
+            assert all(not cf.find_conflicts(shaped, other, zone) for other in others)
             for end, time in zip(ends, (direct.start, direct.end), strict=True):
                 assert shaped.state(time) == pytest.approx(end, abs=1e-6)
             assert shaped.energy >= theirs.lower_bound * (1.0 - 1e-6)
