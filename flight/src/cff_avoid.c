@@ -347,7 +347,7 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
         const cff_path_t *obstacle = &scene->obstacles[which];
         const cff_zone_t *zone = &scene->zones[which];
         cff_conflict_search_t search;
-        cff_conflict_t conflicts[CONFLICTS] = {{0.0, 0.0}};
+        cff_conflict_t conflicts[CONFLICTS] = {0};
         uint32_t count = 0U;
         const cff_status_t begun = cff_conflicts_begin(&search, &path, obstacle, zone);
         if (begun == CFF_BAD_INPUT) {

@@ -54,7 +54,7 @@ static double bottom(const cfi_piece_t *piece, cff_shape_t shape, double *norm, 
     double u = 1.0;
     (void)norm_and_slope(piece, shape, 0.0, &falls);
     *norm = norm_and_slope(piece, shape, 1.0, &rises);
-    bool on = (rises > 0.0) && (falls < 0.0);
+    bool on = (rises >= 0.0) && (falls <= 0.0); /* a slope of 0 at an end says nothing */
     for (uint32_t k = 0U; (k < ROOT_STEPS) && on; k++) {
         const double before = u;
         double slope;
