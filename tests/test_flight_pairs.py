@@ -102,7 +102,7 @@ def test_paths_around_obstacles_cost_what_those_of_the_package_cost():
         theirs = cf.avoid(direct, others, zone)
         if theirs.ok and shaped is not None:
             planned += 1
-            assert all(cf.closest_approach(shaped, other, zone).ratio > 1.0 for other in others)
+            assert all(not cf.find_conflicts(shaped, other, zone) for other in others)
             for end, time in zip(ends, (direct.start, direct.end), strict=True):
                 assert shaped.state(time) == pytest.approx(end, abs=1e-6)
             assert shaped.energy >= theirs.lower_bound * (1.0 - 1e-6)
@@ -124,3 +124,12 @@ def test_verdicts_on_loss_of_thrust_are_those_of_the_package():
         assert cf.flight.passively_safe(path, other, zone, 5500.0) == expected
         verdicts.append(expected)
     assert 8 <= sum(verdicts) <= 32
+
+
+def test_a_missing_or_failing_compiler_is_named(monkeypatch, tmp_path):
+    for command, message in (("no-such-compiler", "requires a C compiler"), ("false", "false failed")):
+        monkeypatch.setenv("CC", command)
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        with pytest.raises(RuntimeError, match=message):
+            cf.flight.build()
+    assert not list(tmp_path.rglob("*.so"))

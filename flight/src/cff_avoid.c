@@ -12,6 +12,8 @@
 #include "cff_internal.h"
 
 #define AIM (1.0 + 1.0e-9) /* norm at a contact */
+#define FARTHER 2.0e-8    /* beside a table, whose errors would leave a nearer contact undecided within some km */
+#define GRAZE 1.0e-9      /* shortfall of a conflict that only the errors of a table make possible */
 #define ROUNDS 40U
 #define HOPELESS 12U  /* rounds without progress towards a clear path */
 #define SOFT 1.0e-2   /* initial softness of contacts, which fades by FADE a round while normals turn */
@@ -41,6 +43,7 @@ typedef struct {
     uint32_t obstacle_count;
     double start;
     double end;
+    double aim; /* norm at a contact */
     cff_avoid_work_t *work;
 } scene_t;
 
@@ -163,7 +166,7 @@ static void solve_multipliers(const scene_t *scene, double lift, double soft, ui
     }
     deflect(scene, evaluations);
     for (uint32_t k = 0U; k < count; k++) {
-        gap[k] = (lift * AIM) - cfi_dot(work->touches[k].normal, work->touches[k].position);
+        gap[k] = (lift * scene->aim) - cfi_dot(work->touches[k].normal, work->touches[k].position);
     }
     for (uint32_t m = 0U; m < count; m++) {
         double metres[3];
@@ -175,7 +178,7 @@ static void solve_multipliers(const scene_t *scene, double lift, double soft, ui
         set_force(&work->touches[m], 0.0);
         for (uint32_t k = 0U; k < count; k++) {
             const cff_touch_t *touch = &work->touches[k];
-            work->matrix[(k * CFF_MOST_CONTACTS) + m] = (cfi_dot(touch->normal, touch->position) - ((lift * AIM) - gap[k])) / share;
+            work->matrix[(k * CFF_MOST_CONTACTS) + m] = (cfi_dot(touch->normal, touch->position) - ((lift * scene->aim) - gap[k])) / share;
         }
     }
     bool on = true;
@@ -363,7 +366,7 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
             (void)cff_closest_approach(&path, obstacle, zone, conflicts[k].start_s, conflicts[k].end_s,
                                        cfi_larger(*evaluations, CFF_LEAST_EVALUATIONS), &near);
             cfi_spend(evaluations, near.evaluations_used);
-            shortfall = cfi_max(shortfall, 1.0 - near.ratio);
+            shortfall = cfi_max(shortfall, cfi_max(1.0 - near.ratio, GRAZE));
             *fresh = (add && add_touch(scene, which, near.time_s)) || *fresh;
         }
     }
@@ -404,7 +407,7 @@ static double conditions(const scene_t *scene, double errors[], uint32_t *evalua
         const double square = cfi_max(cfi_dot(q, q), 1e-300);
         const double size = sqrt(cfi_max(cfi_dot(touch->normal, touch->normal), 1e-300)); /* of the force, see newton */
         double *error = &errors[4U * k];
-        error[0] = sqrt(square) - AIM;
+        error[0] = sqrt(square) - scene->aim;
         for (uint32_t line = 0U; line < 2U; line++) {
             const double *w = work->lines[k][line];
             error[1U + line] = (cfi_dot(w, touch->force) - (cfi_dot(touch->force, q) * cfi_dot(w, q) / square)) / size;
@@ -717,6 +720,7 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
         scene.obstacle_count = obstacle_count;
         scene.start = direct->start_s;
         scene.end = direct->end_s;
+        scene.aim = (obstacles[0].chief == NULL) ? AIM : (AIM + FARTHER);
         scene.work = work;
         work->count = 0U;
         work->arc_count = 1U;
