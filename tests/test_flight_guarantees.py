@@ -91,6 +91,16 @@ def test_conflicts_are_those_of_integrated_motion(orbit):
     assert met >= 4
 
 
+def test_a_closest_approach_behind_a_start_without_relative_speed_is_found():
+    orbit, zone = cf.Orbit(0.0), cf.Box([10.0, 10.0, 10.0])
+    path = orbit.burn([-26.0, -47.0, 16.0, 0.016, 0.0, 0.013], [1e-6, 3.6e-6, 0.0], 6000.0)
+    other = orbit.coast(np.zeros(6), 6000.0)
+    states = np.stack([path.state(t) - other.state(t) for t in np.linspace(0.0, 6000.0, 3001)])
+    assert cf.flight.closest_approach(path, other, zone).ratio == pytest.approx(
+        zone.norm(states[:, :3]).min(), rel=1e-3
+    )
+
+
 def test_slices_of_the_least_budget_find_the_same_conflicts_and_certify_ever_longer():
     rng = np.random.default_rng(6)
     types, functions = core()

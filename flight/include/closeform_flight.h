@@ -197,6 +197,9 @@ typedef struct {
     double inverse[6][6];
     double matrix[16U * CFF_MOST_CONTACTS * CFF_MOST_CONTACTS];
     double right[4U * CFF_MOST_CONTACTS];
+    double columns[4U * CFF_MOST_CONTACTS];
+    double errors[4U * CFF_MOST_CONTACTS];
+    double nudged[4U * CFF_MOST_CONTACTS];
     double lines[CFF_MOST_CONTACTS][2][3];
 } cff_avoid_work_t;
 

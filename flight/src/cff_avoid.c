@@ -428,26 +428,25 @@ static double *unknown(const scene_t *scene, uint32_t j, double *size)
 }
 
 /* One step of Newton's method, with derivatives by differences. */
-static bool newton_step(const scene_t *scene, const double errors[], uint32_t *evaluations)
+static bool newton_step(const scene_t *scene, uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
     const uint32_t size = 4U * work->count;
-    double nudged[4U * CFF_MOST_CONTACTS];
     for (uint32_t j = 0U; j < size; j++) {
         double unit;
         double *x = unknown(scene, j, &unit);
         const double kept = *x;
         *x = kept + (NUDGE * unit);
-        (void)conditions(scene, nudged, evaluations);
+        (void)conditions(scene, work->nudged, evaluations);
         *x = kept;
         for (uint32_t i = 0U; i < size; i++) {
-            work->matrix[(i * size) + j] = (nudged[i] - errors[i]) / NUDGE;
+            work->matrix[(i * size) + j] = (work->nudged[i] - work->errors[i]) / NUDGE;
         }
     }
     for (uint32_t i = 0U; i < size; i++) {
-        work->right[i] = -errors[i];
+        work->right[i] = -work->errors[i];
     }
-    bool good = cfi_solve(work->matrix, size, work->right);
+    bool good = cfi_solve(work->matrix, size, work->right, work->columns);
     for (uint32_t j = 0U; (j < size) && good; j++) {
         double unit;
         double *x = unknown(scene, j, &unit);
@@ -468,7 +467,6 @@ static bool newton_step(const scene_t *scene, const double errors[], uint32_t *e
 static bool newton(const scene_t *scene, uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
-    double errors[4U * CFF_MOST_CONTACTS];
     bool settled = false;
     bool on = (work->count > 0U);
     deflect(scene, evaluations);
@@ -480,9 +478,9 @@ static bool newton(const scene_t *scene, uint32_t *evaluations)
                 touch->normal[i] = touch->force[i]; /* whose length scales the unknowns */
             }
         }
-        const double error = conditions(scene, errors, evaluations);
+        const double error = conditions(scene, work->errors, evaluations);
         settled = (error < TOUCHING);
-        on = (error < FAR) && (*evaluations > 0U) && (settled || newton_step(scene, errors, evaluations));
+        on = (error < FAR) && (*evaluations > 0U) && (settled || newton_step(scene, evaluations));
     }
     for (uint32_t k = 0U; k < work->count; k++) {
         settled = settled && (cfi_dot(work->touches[k].force, work->touches[k].position) > 0.0);

@@ -94,7 +94,7 @@ void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *
 void cfi_primer(const cff_arc_t *arc, double t, cfi_motion_t *out);
 
 /* cff_transfer.c */
-bool cfi_solve(double matrix[], uint32_t size, double rhs[]);
+bool cfi_solve(double matrix[], uint32_t size, double rhs[], double columns[]);
 bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const double gap[6], double thrust[6]);
 
 /* cff_table.c */

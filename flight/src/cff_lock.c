@@ -3,7 +3,7 @@
  *
  * For i in A and j in B, with q the vector from i's sensor to j's, both see each other when
  * g = |q| cos(half-angle) - b.q <= 0 and |q| <= range.  The march steps as far as g
- * certainly conflicts positive: it never steps over a lock, however short.
+ * certainly stays positive: it never steps over a lock, however short.
  */
 #include <math.h>
 

@@ -200,6 +200,7 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
 {
     double weights[CFF_TERMS];
     double matrix[6][6];
+    double columns[6];
     double *z = place->columns;
     cfi_weights(u, weights);
     flow(chief, place->window, weights, matrix);
@@ -209,7 +210,7 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
         driven = driven || (z[j] != 0.0);
     }
     if (driven) {
-        good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE]);
+        good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE], columns);
         flow(chief, place->window, weights, matrix);
     }
     for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
@@ -217,7 +218,7 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
             z[i] -= z[j] * at(chief, place->window, j, i, weights);
         }
     }
-    good = cfi_solve(&matrix[0][0], 6U, z) && good;
+    good = cfi_solve(&matrix[0][0], 6U, z, columns) && good;
     return good;
 }
 

@@ -10,7 +10,6 @@
 #include "cff_internal.h"
 
 #define SIX 6U
-#define MOST_EQUATIONS (4U * CFF_MOST_CONTACTS)
 #define REFINEMENTS 2U
 
 /* The state reached from rest under each unit thrust (columns 0-2) and unit thrust rate (3-5). */
@@ -97,11 +96,13 @@ static bool pivot(double matrix[], uint32_t size, double rhs[], uint32_t k)
     return matrix[(k * size) + k] != 0.0;
 }
 
-/* Solve up to 32 equations in place by scaled, pivoted elimination; the solution is left in `rhs`. */
-bool cfi_solve(double matrix[], uint32_t size, double rhs[])
+/*
+ * Solve equations in place by scaled, pivoted elimination; the solution is left in `rhs`.  `columns` is room for
+ * as many numbers.
+ */
+bool cfi_solve(double matrix[], uint32_t size, double rhs[], double columns[])
 {
-    double columns[MOST_EQUATIONS];
-    bool good = (size <= MOST_EQUATIONS) && scale(matrix, size, rhs, columns);
+    bool good = scale(matrix, size, rhs, columns);
     for (uint32_t k = 0U; (k < size) && good; k++) {
         good = pivot(matrix, size, rhs, k);
         for (uint32_t i = k + 1U; (i < size) && good; i++) {
@@ -137,6 +138,7 @@ bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const
     for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on what rounding left */
         double work[SIX][SIX];
         double rhs[SIX];
+        double columns[SIX];
         for (uint32_t i = 0U; i < SIX; i++) {
             rhs[i] = gap[i];
             for (uint32_t j = 0U; j < SIX; j++) {
@@ -144,7 +146,7 @@ bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const
                 work[i][j] = matrix[i][j];
             }
         }
-        good = cfi_solve(&work[0][0], SIX, rhs);
+        good = cfi_solve(&work[0][0], SIX, rhs, columns);
         for (uint32_t i = 0U; (i < SIX) && good; i++) {
             thrust[i] += rhs[i];
         }

@@ -28,7 +28,7 @@ def transfers():
     initial, final = rng.normal(size=(2, COUNT, 6)) * np.array([100.0] * 3 + [0.1] * 3)
     arcs, energy, status = np.zeros((COUNT, WIDTH)), np.zeros(COUNT), np.zeros(COUNT, dtype=np.int64)
     t0 = time.perf_counter()
-    lib.bridge_transfers(I64(COUNT), ptr(n), ptr(start), ptr(duration), ptr(initial), ptr(final), ptr(arcs), ptr(energy), ptr(status))
+    lib.bridge_transfers(None, I64(COUNT), ptr(n), ptr(start), ptr(duration), ptr(initial), ptr(final), ptr(arcs), ptr(energy), ptr(status))
     mine = time.perf_counter() - t0
     assert (status == 0).all()
     worst = worst_energy = worst_end = 0.0
@@ -48,7 +48,7 @@ def transfers():
         worst_energy = max(worst_energy, (np.abs(path.energy - energy[k]) / path.energy).max())
         ends = np.ascontiguousarray(theirs[:, 1])
         out = np.zeros((k.sum(), 6))
-        lib.bridge_states(ptr(np.ascontiguousarray(arcs[k])), I64(k.sum()), ptr(ends), ptr(out))
+        lib.bridge_states(None, ptr(np.ascontiguousarray(arcs[k])), I64(k.sum()), ptr(ends), ptr(out))
         scale = np.abs(final[k]).max(axis=1) + np.abs(initial[k]).max(axis=1)
         worst_end = max(worst_end, (np.abs(out - final[k])[:, :3].max(axis=1) / scale).max())
     print(f"{COUNT} transfers: bit for bit {bitwise}; worst thrust {worst:.2g} of itself, energy {worst_energy:.2g}, "
