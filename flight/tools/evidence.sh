@@ -52,7 +52,7 @@ inputs)
 fuzz)
     clang $flags -g -O1 -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all src/*.c tests/fuzz.c -lm -o "$place/fuzz"
     mkdir "$place/corpus"
-    "$place/fuzz" -max_len=1024 -max_total_time=600 -timeout=60 "$place/corpus" 2>&1 | tail -2
+    "$place/fuzz" -max_len=1024 -max_total_time=600 -timeout=60 -artifact_prefix="$place/" "$place/corpus" 2>&1 | tail -2
     ;;
 *)
     sed -n 's/^# \{0,1\}//p' "$0" | head -10
