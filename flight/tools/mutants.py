@@ -31,7 +31,7 @@ def sites():
     """Yield (file, place, old, new) of all operators between expressions, outside of comments and macros."""
     for file in sorted((FLIGHT / "src").glob("*.c")):
         text = file.read_text()
-        code = re.sub(r"/\*.*?\*/|^#.*$", lambda m: " " * len(m[0]), text, flags=re.DOTALL | re.MULTILINE)
+        code = re.sub(r"/\*.*?\*/|^#[^\n]*$", lambda m: " " * len(m[0]), text, flags=re.DOTALL | re.MULTILINE)
         for m in re.finditer(r" ([+\-*/<>]|<=|>=|&&|\|\|) (?=[\w(-])", code):
             if not code[: m.start()].rstrip().endswith(("(", ",", "double", "const")):
                 yield file, m.start(1), m[1], SWAPS[m[1]]
