@@ -133,5 +133,5 @@ def check(status: int, *done: str) -> str:
     types = core().types
     name = str(types.string(types.cast("cff_status_t", status))).removeprefix("CFF_")
     if name not in ("OK", *done):
-        raise ValueError(f"the flight core refuses this input with {name}; docs/on_board.md says what it takes")
+        raise ValueError(f"the flight core refuses this with {name}; docs/on_board.md says what it takes")
     return name
