@@ -77,8 +77,7 @@ and tables. `closeform new NAME` copies an example as the start of a [scenario](
 TAIL = """
 ## Simulate a run
 
-This command simulates the plan of `flown_swap` a hundred times, with errors
-([from claim to evidence](evidence.md)):
+Simulate the plan of `flown_swap` a hundred times, with errors ([from claim to evidence](evidence.md)):
 
 ```sh
 closeform simulate flown_swap-results
@@ -86,8 +85,7 @@ closeform simulate flown_swap-results
 
 ## Ephemerides and messages
 
-`examples/grace` has three hours of GRACE, `slow_encounter.cdm` is a conjunction message
-([ephemerides](ephemerides.md)):
+`examples/grace` has three hours of GRACE, `slow_encounter.cdm` a conjunction ([more](ephemerides.md)):
 
 ```sh
 closeform screen examples/grace/GRACE-A.oem examples/grace/GRACE-B.oem --ellipsoid "20 40 20 m"

@@ -37,8 +37,22 @@ def conflicts(lib, one, other, zone, budget=BUDGET, nearest=False):
     chief = packed_of(one.orbit)
     matrix = np.ascontiguousarray(zone.form[1])
     lib.bridge_conflicts.restype = I64
-    found = lib.bridge_conflicts(ptr(a), ptr(ao), ptr(b), ptr(bo), I64(count), I64(zone.form[0]), ptr(matrix), U32(budget),
-                                 ptr(rows), I64(len(rows)), ptr(used), ptr(status), I64(nearest), chief and ctypes.byref(chief))
+    found = lib.bridge_conflicts(
+        ptr(a),
+        ptr(ao),
+        ptr(b),
+        ptr(bo),
+        I64(count),
+        I64(zone.form[0]),
+        ptr(matrix),
+        U32(budget),
+        ptr(rows),
+        I64(len(rows)),
+        ptr(used),
+        ptr(status),
+        I64(nearest),
+        chief and ctypes.byref(chief),
+    )
     return rows[:found], used, status
 
 
@@ -48,6 +62,18 @@ def approaches(lib, one, other, zone, budget=BUDGET):
     out, used, status = np.empty((count, 2)), np.zeros(count, np.int64), np.zeros(count, np.int64)
     chief = packed_of(one.orbit)
     matrix = np.ascontiguousarray(zone.form[1])
-    lib.bridge_approaches(ptr(a), ptr(ao), ptr(b), ptr(bo), I64(count), I64(zone.form[0]), ptr(matrix), U32(budget), ptr(out),
-                          ptr(used), ptr(status), chief and ctypes.byref(chief))
+    lib.bridge_approaches(
+        ptr(a),
+        ptr(ao),
+        ptr(b),
+        ptr(bo),
+        I64(count),
+        I64(zone.form[0]),
+        ptr(matrix),
+        U32(budget),
+        ptr(out),
+        ptr(used),
+        ptr(status),
+        chief and ctypes.byref(chief),
+    )
     return out, used, status

@@ -28,7 +28,18 @@ def transfers():
     initial, final = rng.normal(size=(2, COUNT, 6)) * np.array([100.0] * 3 + [0.1] * 3)
     arcs, energy, status = np.zeros((COUNT, WIDTH)), np.zeros(COUNT), np.zeros(COUNT, dtype=np.int64)
     t0 = time.perf_counter()
-    lib.bridge_transfers(None, I64(COUNT), ptr(n), ptr(start), ptr(duration), ptr(initial), ptr(final), ptr(arcs), ptr(energy), ptr(status))
+    lib.bridge_transfers(
+        None,
+        I64(COUNT),
+        ptr(n),
+        ptr(start),
+        ptr(duration),
+        ptr(initial),
+        ptr(final),
+        ptr(arcs),
+        ptr(energy),
+        ptr(status),
+    )
     mine = time.perf_counter() - t0
     assert (status == 0).all()
     worst = worst_energy = worst_end = 0.0
@@ -37,7 +48,12 @@ def transfers():
     for value in np.unique(n):
         k = n == value
         theirs = np.zeros((k.sum(), WIDTH))
-        theirs[:, 0], theirs[:, 1], theirs[:, 2], theirs[:, 6:12] = start[k], start[k] + duration[k], value, initial[k]
+        theirs[:, 0], theirs[:, 1], theirs[:, 2], theirs[:, 6:12] = (
+            start[k],
+            start[k] + duration[k],
+            value,
+            initial[k],
+        )
         t0 = time.perf_counter()
         steer(value, theirs, final[k].copy())
         theirs_time += time.perf_counter() - t0
@@ -51,8 +67,11 @@ def transfers():
         lib.bridge_states(None, ptr(np.ascontiguousarray(arcs[k])), I64(k.sum()), ptr(ends), ptr(out))
         scale = np.abs(final[k]).max(axis=1) + np.abs(initial[k]).max(axis=1)
         worst_end = max(worst_end, (np.abs(out - final[k])[:, :3].max(axis=1) / scale).max())
-    print(f"{COUNT} transfers: bit for bit {bitwise}; worst thrust {worst:.2g} of itself, energy {worst_energy:.2g}, "
-          f"end position {worst_end:.2g} of the size; us each: C {1e6 * mine / COUNT:.2f}, package {1e6 * theirs_time / COUNT:.2f}")
+    print(
+        f"{COUNT} transfers: bit for bit {bitwise}; worst thrust {worst:.2g} of itself, "
+        f"energy {worst_energy:.2g}, end position {worst_end:.2g} of the size; "
+        f"us each: C {1e6 * mine / COUNT:.2f}, package {1e6 * theirs_time / COUNT:.2f}"
+    )
 
 
 transfers()

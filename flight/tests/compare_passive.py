@@ -8,10 +8,10 @@ import sys
 import time
 
 import numpy as np
-from bridge import I64, P, U32, flat, library, packed_of, ptr
 from random_pairs import chief
 
 import closeform as cf
+from bridge import I64, U32, flat, library, packed_of, ptr
 
 COUNT = int(sys.argv[1]) if len(sys.argv) > 1 else 20
 CHIEF = sys.argv[2] if len(sys.argv) > 2 else "0.3"
@@ -22,8 +22,20 @@ def losses(lib, path, other, zone, until, budget=10_000_000):
     (a, ao), (b, bo), count = flat(path), flat(other), len(path.offsets) - 1
     out, status, table = np.empty((count, 5)), np.zeros(count, np.int64), packed_of(path.orbit)
     matrix = np.ascontiguousarray(zone.form[1])
-    lib.bridge_loss(ctypes.byref(table), ptr(a), ptr(ao), ptr(b), ptr(bo), I64(count), I64(zone.form[0]), ptr(matrix),
-                    ctypes.c_double(until), U32(budget), ptr(out), ptr(status))
+    lib.bridge_loss(
+        ctypes.byref(table),
+        ptr(a),
+        ptr(ao),
+        ptr(b),
+        ptr(bo),
+        I64(count),
+        I64(zone.form[0]),
+        ptr(matrix),
+        ctypes.c_double(until),
+        U32(budget),
+        ptr(out),
+        ptr(status),
+    )
     return out, status
 
 
@@ -52,7 +64,11 @@ def main():
         if k % 2:
             path = orbit.transfer(begin, end, length)
         else:
-            path = cf.join([orbit.impulsive(begin, end, length)]) if hasattr(orbit, "impulsive") else orbit.transfer(begin, end, length)
+            path = (
+                cf.join([orbit.impulsive(begin, end, length)])
+                if hasattr(orbit, "impulsive")
+                else orbit.transfer(begin, end, length)
+            )
         other = orbit.coast(np.zeros(6), until)
         kind = rng.choice(3)
         size = rng.uniform(5.0, 30.0)
@@ -70,10 +86,22 @@ def main():
             assert sampled(orbit, path, other, zone, until) > 1.0 - 1e-9, (k, "false safe")
         if (safe != (row[0] == 0) or row[0] == 2) and "-v" in sys.argv:
             at = min(max(row[2], 0), until)
-            print(zone.norm((orbit.coast(path.state(row[1]), max(at - row[1], 1e-9), row[1]).state(at) - other.state(at))[None, :3]), path.end, len(path.arcs))
+            print(
+                zone.norm(
+                    (
+                        orbit.coast(path.state(row[1]), max(at - row[1], 1e-9), row[1]).state(at)
+                        - other.state(at)
+                    )[None, :3]
+                ),
+                path.end,
+                len(path.arcs),
+            )
             print(k, kind, safe, row)
-    print(f"e={CHIEF}: package unsafe: library {tally[0]}, package safe: library {tally[1]} (safe, unsafe, undecided); evaluations mean "
-          f"{np.mean(used):.0f}, most {np.max(used):.0f}; ms {1e3 * spent[0] / COUNT:.1f}, package {1e3 * spent[1] / COUNT:.1f}")
+    print(
+        f"e={CHIEF}: package unsafe: library {tally[0]}, package safe: library {tally[1]} "
+        f"(safe, unsafe, undecided); evaluations mean {np.mean(used):.0f}, most {np.max(used):.0f}; "
+        f"ms {1e3 * spent[0] / COUNT:.1f}, package {1e3 * spent[1] / COUNT:.1f}"
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Hunt for pairs within one orbit that take the most evaluations: the worst of many, perturbed again and again.
+"""Hunt for pairs within one orbit that take the most evaluations: perturb the worst of many again and again.
 
 Usage: hunt.py [ROUNDS]
 """
@@ -6,9 +6,9 @@ Usage: hunt.py [ROUNDS]
 import sys
 
 import numpy as np
-from bridge import approaches, conflicts, library
 
 import closeform as cf
+from bridge import approaches, conflicts, library
 
 ROUNDS = int(sys.argv[1]) if len(sys.argv) > 1 else 60
 N = 1.1086e-3

@@ -1,7 +1,7 @@
-"""Change one operator or constant of the library at a time: do the golden vectors or the fuzzer's tallies notice?
+"""Change one operator or constant of the library at a time: do golden vectors or the fuzzer's tallies notice?
 
-Usage: mutants.py VECTORS [COUNT] [SEED], VECTORS the folder of `closeform flight-vectors`.  A mutant is found if
-golden.c fails or prints anything else, or the fuzzer's 20 000 own inputs do.
+Usage: mutants.py VECTORS [COUNT] [SEED], VECTORS the folder of `closeform flight-vectors`.  A mutant is found
+if golden.c fails or prints anything else, or the fuzzer's 20 000 own inputs do.
 """
 
 import random
@@ -12,7 +12,18 @@ import tempfile
 from pathlib import Path
 
 FLIGHT = Path(__file__).parents[1]
-SWAPS = {"+": "-", "-": "+", "*": "/", "/": "*", "<": ">=", ">": "<=", "<=": ">", ">=": "<", "&&": "||", "||": "&&"}
+SWAPS = {
+    "+": "-",
+    "-": "+",
+    "*": "/",
+    "/": "*",
+    "<": ">=",
+    ">": "<=",
+    "<=": ">",
+    ">=": "<",
+    "&&": "||",
+    "||": "&&",
+}
 FLAGS = ["-w", "-std=gnu99", "-O1", "-ffp-contract=off", f"-I{FLIGHT / 'include'}", f"-I{FLIGHT / 'src'}"]
 
 
@@ -62,7 +73,10 @@ def main():
             else:
                 line = text[:at].count("\n")
                 alive.append((file.name, line + 1, old, new, text.splitlines()[line].strip()[:90]))
-    print(f"{sum(found.values())} of {count} mutants found: {found['golden']} by golden vectors, {found['fuzz']} more by fuzzing")
+    print(
+        f"{sum(found.values())} of {count} mutants found: {found['golden']} by golden vectors, "
+        f"{found['fuzz']} more by fuzzing"
+    )
     for one in alive:
         print("  alive:", *one)
 
