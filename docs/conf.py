@@ -30,7 +30,7 @@ CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
         "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
-        "ephemerides export epochs field evidence campaigns models motion elements python "
+        "ephemerides export epochs field evidence on_board campaigns models motion elements python "
         "notebooks/find notebooks/collide notebooks/move pictures viewer"
     ),
     "reference": "scenario scenario_keys command-line api messages glossary",

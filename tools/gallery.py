@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "images" / "gallery"
 WIDTH = 1100  # width of a picture [px]
-COLUMNS = 145  # of the page's text
+COLUMNS = 150  # of the page's text
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 # Sections with their examples, and the picture of the result folder that stands for each example.
@@ -77,8 +77,7 @@ and tables. `closeform new NAME` copies an example as the start of a [scenario](
 TAIL = """
 ## Simulate a run
 
-This command simulates the plan of `flown_swap` a hundred times, with errors
-([from claim to evidence](evidence.md)):
+Simulate the plan of `flown_swap` a hundred times, with errors ([from claim to evidence](evidence.md)):
 
 ```sh
 closeform simulate flown_swap-results
@@ -86,8 +85,7 @@ closeform simulate flown_swap-results
 
 ## Ephemerides and messages
 
-`examples/grace` has three hours of GRACE, `slow_encounter.cdm` is a conjunction message
-([ephemerides](ephemerides.md)):
+`examples/grace` has three hours of GRACE, `slow_encounter.cdm` a conjunction ([more](ephemerides.md)):
 
 ```sh
 closeform screen examples/grace/GRACE-A.oem examples/grace/GRACE-B.oem --ellipsoid "20 40 20 m"
@@ -116,7 +114,7 @@ def entry(name: str) -> str:
     command = " ".join(["closeform", *command_of(name)])
     unbroken = command.replace(" ", NO_BREAK)
     about = fill(f"{' '.join(comment)} `{unbroken}`", COLUMNS, break_on_hyphens=False).replace(NO_BREAK, " ")
-    return "\n\n".join([f"### {title(name)}", f"![{title(name)}](images/gallery/{name}.png)", about])
+    return f"### {title(name)}\n![{title(name)}](images/gallery/{name}.png)\n\n{about}"
 
 
 def page() -> str:

@@ -1,7 +1,8 @@
 /*
- * Arcs and paths: states, thrust, and what a view needs of them (closeform/motion/arc.py, path.py).
+ * Arcs and paths: states, thrust, and derivatives of positions (closeform/motion/arc.py, path.py).
  */
 #include <math.h>
+#include <stddef.h>
 
 #include "cff_internal.h"
 
@@ -36,18 +37,12 @@ static bool has_primer(const cff_arc_t *arc) { return any(arc->thrust_m_s2) || a
 static bool push_bends(const cff_arc_t *arc) { return any(arc->push_bend_m_s4) || any(arc->push_twist_m_s5); }
 
 /* Whether another thrust acts along the arc. */
-static bool pushes(const cff_arc_t *arc)
+bool cfi_pushes(const cff_arc_t *arc)
 {
     return any(arc->push_m_s2) || any(arc->push_rate_m_s3) || push_bends(arc);
 }
 
-bool cfi_thrusts(const cff_arc_t *arc) { return has_primer(arc) || pushes(arc); }
-
-/* Whether the position is a cubic of time, as in deep space, where thrust does not bend. */
-bool cfi_is_cubic(const cff_arc_t *arc)
-{
-    return (arc->mean_motion_rad_s == 0.0) && !any(arc->push_rate_m_s3) && !push_bends(arc);
-}
+bool cfi_thrusts(const cff_arc_t *arc) { return has_primer(arc) || cfi_pushes(arc); }
 
 /* State at time t, absolute, within the arc. */
 void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out)
@@ -64,7 +59,7 @@ void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out)
             if (has_primer(arc)) {
                 cfi_add_driven(n, dt, &k, arc->thrust_m_s2, arc->thrust_rate_m_s3, out);
             }
-            if (pushes(arc)) {
+            if (cfi_pushes(arc)) {
                 cfi_add_pushed(n, dt, &k, arc, out);
             }
         }
@@ -77,7 +72,7 @@ void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out)
 }
 
 /* Optimal thrust and its rate at time t: itself a natural motion. */
-static void primer(const cff_arc_t *arc, double t, cfi_motion_t *out)
+void cfi_primer(const cff_arc_t *arc, double t, cfi_motion_t *out)
 {
     double p[3];
     const double dt = t - arc->start_s;
@@ -120,13 +115,13 @@ void cfi_add_derivatives(const cff_arc_t *arc, double t, uint32_t order, double 
 {
     static const double nothing[3] = {0.0, 0.0, 0.0};
     const double n = arc->mean_motion_rad_s;
-    const bool pushed = pushes(arc);
+    const bool pushed = cfi_pushes(arc);
     cfi_motion_t m;
     cfi_motion_t u = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     double f[4][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     cfi_state(arc, t, &m);
     if (has_primer(arc)) {
-        primer(arc, t, &u);
+        cfi_primer(arc, t, &u);
     }
     if (pushed) {
         push(arc, t, f);
@@ -163,14 +158,29 @@ uint32_t cfi_locate(const cff_path_t *path, double t)
     return first;
 }
 
-/* Whether an arc goes on from where the one before it ends. */
-static bool joins(const cff_arc_t *before, const cff_arc_t *arc)
+/* State and optimal thrust of an arc at time t. */
+void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *state, cfi_motion_t *primer)
 {
+    const cff_arc_t *arc = &path->arcs[k];
+    if (path->chief != NULL) {
+        cfi_arc_state(path->chief, arc, t, state, primer);
+    } else {
+        cfi_state(arc, t, state);
+        cfi_primer(arc, t, primer);
+    }
+}
+
+/* Whether an arc goes on from where the one before it ends. */
+static bool joins(const cff_path_t *path, uint32_t k)
+{
+    const cff_arc_t *before = &path->arcs[k - 1U];
+    const cff_arc_t *arc = &path->arcs[k];
     const double duration = before->end_s - before->start_s;
     cfi_motion_t m;
+    cfi_motion_t u;
     double size = 0.0;
     double off = 0.0;
-    cfi_state(before, before->end_s, &m);
+    cfi_arc_motion(path, k - 1U, before->end_s, &m, &u);
     for (uint32_t i = 0U; i < 3U; i++) {
         size = cfi_max(size, cfi_max(fabs(m.r[i]), fabs(m.v[i]) * duration));
         size = cfi_max(size, fabs(arc->state.velocity_m_s[i]) * (arc->end_s - arc->start_s));
@@ -179,26 +189,37 @@ static bool joins(const cff_arc_t *before, const cff_arc_t *arc)
     return (off <= ((2.0 * JOINT * size) + CFF_NIL_M)) && (fabs(arc->start_s - before->end_s) <= (JOINT * duration));
 }
 
+static bool arc_is_good(const cff_path_t *path, uint32_t k)
+{
+    const cff_arc_t *arc = &path->arcs[k];
+    const double duration = arc->end_s - arc->start_s;
+    bool good = cfi_finite(&arc->start_s, 2U) && cfi_finite(arc->impulse_m_s, 3U) && cfi_state_finite(&arc->state);
+    good = good && cfi_finite(arc->thrust_m_s2, 3U) && cfi_finite(arc->thrust_rate_m_s3, 3U);
+    good = good && cfi_finite(arc->push_m_s2, 3U) && cfi_finite(arc->push_rate_m_s3, 3U);
+    good = good && cfi_finite(arc->push_bend_m_s4, 3U) && cfi_finite(arc->push_twist_m_s5, 3U);
+    good = good && ((duration >= CFF_SHORTEST_S) || (arc->end_s == arc->start_s)); /* a last impulse has no duration */
+    if (good && (path->chief != NULL)) {
+        good = !any(arc->push_rate_m_s3) && !push_bends(arc) && cfi_within_table(path->chief, arc->start_s, arc->end_s);
+    } else if (good) {
+        const double n = arc->mean_motion_rad_s;
+        good = cfi_finite(&n, 1U) && (n >= 0.0) && (n == path->arcs[0].mean_motion_rad_s) &&
+               ((n * duration) <= CFF_LARGEST_ANGLE_RAD);
+    } else {
+        /* bad */
+    }
+    return good && ((k == 0U) || joins(path, k));
+}
+
 cff_status_t cff_check_path(const cff_path_t *path)
 {
-    cff_status_t status = ((path->count > 0U) && (path->count <= CFF_MOST_ARCS)) ? CFF_OK : CFF_BAD_INPUT;
-    for (uint32_t k = 0U; (k < path->count) && (status == CFF_OK); k++) {
-        const cff_arc_t *arc = &path->arcs[k];
-        const double duration = arc->end_s - arc->start_s;
-        bool good = cfi_finite(&arc->start_s, 3U) && cfi_finite(arc->impulse_m_s, 3U) && cfi_state_finite(&arc->state);
-        good = good && cfi_finite(arc->thrust_m_s2, 3U) && cfi_finite(arc->thrust_rate_m_s3, 3U);
-        good = good && cfi_finite(arc->push_m_s2, 3U) && cfi_finite(arc->push_rate_m_s3, 3U);
-        good = good && cfi_finite(arc->push_bend_m_s4, 3U) && cfi_finite(arc->push_twist_m_s5, 3U);
-        good = good && (duration >= CFF_SHORTEST_S) && (arc->mean_motion_rad_s >= 0.0);
-        good = good && ((arc->mean_motion_rad_s * duration) <= CFF_LARGEST_ANGLE_RAD);
-        if (good && (k > 0U)) {
-            good = joins(&path->arcs[k - 1U], arc);
-        }
-        if (!good) {
-            status = CFF_BAD_INPUT;
-        }
+    bool good = (path->count > 0U) && (path->count <= CFF_MOST_ARCS);
+    if (good && (path->chief != NULL)) {
+        good = cfi_clock_is_good(path->chief);
     }
-    return status;
+    for (uint32_t k = 0U; good && (k < path->count); k++) {
+        good = arc_is_good(path, k);
+    }
+    return good ? CFF_OK : CFF_BAD_INPUT;
 }
 
 /* A time in a path, or the nearest. */
@@ -209,34 +230,34 @@ static double within(const cff_path_t *path, double t)
 
 cff_status_t cff_state_at(const cff_path_t *path, double time_s, cff_state_t *state)
 {
-    cff_status_t status = CFF_BAD_INPUT;
-    if ((path->count > 0U) && cfi_finite(&time_s, 1U)) {
+    cff_status_t status = cfi_finite(&time_s, 1U) ? cff_check_path(path) : CFF_BAD_INPUT;
+    if (status == CFF_OK) {
         cfi_motion_t m;
+        cfi_motion_t u;
         const double t = within(path, time_s);
-        cfi_state(&path->arcs[cfi_locate(path, t)], t, &m);
+        cfi_arc_motion(path, cfi_locate(path, t), t, &m, &u);
         for (uint32_t i = 0U; i < 3U; i++) {
             state->position_m[i] = m.r[i];
             state->velocity_m_s[i] = m.v[i];
         }
-        status = CFF_OK;
     }
     return status;
 }
 
 cff_status_t cff_thrust_at(const cff_path_t *path, double time_s, double thrust_m_s2[3])
 {
-    cff_status_t status = CFF_BAD_INPUT;
-    if ((path->count > 0U) && cfi_finite(&time_s, 1U)) {
+    cff_status_t status = cfi_finite(&time_s, 1U) ? cff_check_path(path) : CFF_BAD_INPUT;
+    if (status == CFF_OK) {
+        cfi_motion_t m;
         cfi_motion_t u;
         double f[4][3];
         const double t = within(path, time_s);
-        const cff_arc_t *arc = &path->arcs[cfi_locate(path, t)];
-        primer(arc, t, &u);
-        push(arc, t, f);
+        const uint32_t k = cfi_locate(path, t);
+        cfi_arc_motion(path, k, t, &m, &u);
+        push(&path->arcs[k], t, f);
         for (uint32_t i = 0U; i < 3U; i++) {
-            thrust_m_s2[i] = u.r[i] + f[0][i];
+            thrust_m_s2[i] = u.r[i] + ((path->chief != NULL) ? path->arcs[k].push_m_s2[i] : f[0][i]);
         }
-        status = CFF_OK;
     }
     return status;
 }

@@ -58,15 +58,18 @@ static double horner(const double series[], uint32_t count, double z)
 }
 
 /* The greatest whole number up to x, for |x| < 2e9; beyond, 0. */
-static double whole(double x)
+double cfi_whole(double x)
 {
-    const double cut = ((x > -2.0e9) && (x < 2.0e9)) ? (double)(int32_t)x : 0.0;
+    double cut = 0.0;
+    if ((x > -2.0e9) && (x < 2.0e9)) {
+        cut = (double)(int32_t)x;
+    }
     return (cut > x) ? (cut - 1.0) : cut;
 }
 
 void cfi_sine_cosine(double angle, double *sine, double *cosine)
 {
-    const double turns = whole((angle * TWO_OVER_PI) + 0.5);
+    const double turns = cfi_whole((angle * TWO_OVER_PI) + 0.5);
     const double x = (angle - (turns * QUARTER)) - (turns * REST);
     const double z = x * x;
     const double zz = z * z;
@@ -80,9 +83,9 @@ void cfi_sine_cosine(double angle, double *sine, double *cosine)
                (zz * zz);
     c += (1.0 + (-0.5 * z)) + ((0.041666666666666664 + (-0.001388888888888889 * z)) * zz);
     s *= x;
-    const double half = whole(turns * 0.5);
+    const double half = cfi_whole(turns * 0.5);
     const double odd = turns - (2.0 * half);
-    const double sign = 1.0 - (2.0 * (half - (2.0 * whole(half * 0.5))));
+    const double sign = 1.0 - (2.0 * (half - (2.0 * cfi_whole(half * 0.5))));
     *sine = sign * ((s * (1.0 - odd)) + (c * odd));
     *cosine = sign * ((c * (1.0 - odd)) - (s * odd));
 }

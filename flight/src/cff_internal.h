@@ -2,11 +2,16 @@
 #ifndef CFF_INTERNAL_H
 #define CFF_INTERNAL_H
 
+#include <stddef.h>
+
 #include "closeform_flight.h"
 
+#define CFF_PI 3.14159265358979323846
 #define CFF_FOREVER 1.0e300 /* a time that no end is beyond */
-#define CFF_ORDER ((uint32_t)8U)       /* derivatives of a relative position that a view holds at most */
-#define CFF_COAST_ORDER ((uint32_t)4U) /* those of natural motion */
+#define CFF_ORDER ((uint32_t)8U)       /* derivatives of a position that fix an arc with thrust */
+#define CFF_COAST_ORDER ((uint32_t)4U) /* and an arc of natural motion */
+#define CFF_POWERS ((uint32_t)19U)     /* coefficients of a power series of a view */
+#define CFF_SQUARE ((uint32_t)23U)     /* coefficients of the square of a polynomial */
 
 /* P_0 ... P_4 and Q_-2 ... Q_4 (theory 1): inverse Laplace transforms, smooth at n = 0. */
 typedef struct {
@@ -29,31 +34,44 @@ typedef struct {
     double v[3];
 } cfi_motion_t;
 
-/* Two arcs seen at once from one instant on: derivatives of the relative position, in zone units. */
+/*
+ * A view: the relative position of two arcs for some time, in zone units, as Bernstein polynomials of u in
+ * [0, 1].  Time is linear in u, or by the clock of a table the angle is.
+ */
 typedef struct {
-    double q[CFF_ORDER][3];
-    uint32_t order;
-    double n;
+    double c[3][CFF_TERMS];
+    double off[3]; /* bound of the error along each axis */
+    double first;  /* time or angle at u = 0 */
+    double length; /* and from there to u = 1 */
+    double from_s;
+    double until_s;
+    const cff_table_t *chief;
 } cfi_view_t;
 
-/* Bounds over a view: of the acceleration along each axis, and of its norm and the speed's. */
+/* The part of a view over [low, low + width]. */
 typedef struct {
-    double axis[3];
-    double acceleration;
-    double speed;
-} cfi_bounds_t;
+    double c[3][CFF_TERMS];
+    double off[3];
+    double low;
+    double width;
+} cfi_piece_t;
 
 static inline double cfi_min(double a, double b) { return (b < a) ? b : a; }
 static inline double cfi_max(double a, double b) { return (b > a) ? b : a; }
+static inline uint32_t cfi_larger(uint32_t a, uint32_t b) { return (b > a) ? b : a; }
 static inline double cfi_dot(const double a[3], const double b[3])
 {
     return ((a[0] * b[0]) + (a[1] * b[1])) + (a[2] * b[2]);
 }
 
-/* Take some evaluations; those that are there, if fewer are. */
-static inline void cfi_spend(uint32_t *evaluations, uint32_t cost) { *evaluations = (*evaluations > cost) ? (*evaluations - cost) : 0U; }
+/* Subtract a cost from a budget; 0 is left if the budget is smaller. */
+static inline void cfi_spend(uint32_t *evaluations, uint32_t cost)
+{
+    *evaluations = (*evaluations > cost) ? (*evaluations - cost) : 0U;
+}
 
 /* cff_hill.c */
+double cfi_whole(double x);
 void cfi_sine_cosine(double angle, double *sine, double *cosine);
 void cfi_oscillation(double n, double t, double p[3]);
 void cfi_transforms(double n, double t, cfi_transforms_t *out);
@@ -67,34 +85,73 @@ void cfi_accelerate(double n, const double r[3], const double v[3], double a[3])
 bool cfi_finite(const double numbers[], uint32_t count);
 bool cfi_state_finite(const cff_state_t *state);
 bool cfi_thrusts(const cff_arc_t *arc);
-bool cfi_is_cubic(const cff_arc_t *arc);
+bool cfi_pushes(const cff_arc_t *arc);
 void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out);
 void cfi_add_derivatives(const cff_arc_t *arc, double t, uint32_t order, double sign, double out[CFF_ORDER][3]);
 uint32_t cfi_locate(const cff_path_t *path, double t);
 
+void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *state, cfi_motion_t *primer);
+void cfi_primer(const cff_arc_t *arc, double t, cfi_motion_t *out);
+
 /* cff_transfer.c */
-bool cfi_steer(double n, double t, const double gap[6], double thrust[6]);
+bool cfi_solve(double matrix[], uint32_t size, double rhs[], double columns[]);
+bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const double gap[6], double thrust[6]);
+
+/* cff_table.c */
+double cfi_angle(const cff_table_t *chief, double t);
+double cfi_time(const cff_table_t *chief, double angle);
+bool cfi_clock_is_good(const cff_table_t *chief);
+bool cfi_within_table(const cff_table_t *chief, double from, double to);
+bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place);
+void cfi_next_window(const cff_table_t *chief, cff_cursor_t *place);
+bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u);
+double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle);
+void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t);
+double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place);
+void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS]);
+void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi_motion_t *state, cfi_motion_t *primer);
+double cfi_arc_energy(const cff_table_t *chief, const cff_arc_t *arc);
+
+/* cff_polynomial.c */
+void cfi_cut(const double f[CFF_TERMS], double low, double high, double out[CFF_TERMS]);
+void cfi_weights(double u, double weights[CFF_TERMS]);
+double cfi_value(const double f[CFF_TERMS], double u, double *slope);
+void cfi_square(const double c[3][CFF_TERMS], uint32_t axes, double f[CFF_SQUARE]);
+void cfi_from_powers(const double powers[CFF_POWERS], double f[CFF_TERMS], double *off);
 
 /* cff_zone.c */
 double cfi_norm(cff_shape_t shape, const double r[3]);
-double cfi_rate(cff_shape_t shape, const cfi_motion_t *m);
-double cfi_outside_step(cff_shape_t shape, const cfi_motion_t *m, const cfi_bounds_t *b, double target);
-double cfi_inside_step(cff_shape_t shape, const cfi_motion_t *m, const cfi_bounds_t *b, double target);
+uint32_t cfi_round_axes(cff_shape_t shape, uint32_t part);
+void cfi_hull(const double f[CFF_TERMS], double *least, double *most);
+uint32_t cfi_part_count(cff_shape_t shape);
+uint32_t cfi_level(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double f[CFF_SQUARE]);
+double cfi_height(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double u, double *rate);
+bool cfi_excluded(cff_shape_t shape, const cfi_piece_t *piece);
+double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF_SQUARE]);
 
 /* cff_view.c */
-#define CFF_PATIENCE 60U     /* steps in one view before the Taylor model is tried */
-#define CFF_LESS_PATIENCE 3U /* and once it has been needed */
-#define CFF_VIEW_EVALUATIONS 12U   /* what a view costs, in evaluations: measured on LEON3 and Cortex-M7 */
-#define CFF_TAYLOR_EVALUATIONS 28U /* what a Taylor model costs at worst */
-double cfi_view_end(const cff_arc_t *a, const cff_arc_t *b, double t, double end);
-void cfi_see(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, cfi_view_t *view);
-void cfi_evaluate(const cfi_view_t *view, double t, cfi_motion_t *out);
-void cfi_bounds(const cfi_view_t *view, double h, cfi_bounds_t *out);
-double cfi_taylor_step(const cfi_view_t *view, double longest, double target, bool inside);
-bool cfi_coasts_apart(const cfi_view_t *view, cff_shape_t shape, double h);
+/* Cost of a view in evaluations of at most 800 instructions on LEON3: by Hill's equations and beside a table. */
+static inline uint32_t cfi_view_cost(const cff_path_t *path) { return (path->chief != NULL) ? 32U : 12U; }
+#define CFF_PIECE_EVALUATIONS 8U /* and of a piece */
+#define CFF_FINEST 1073741824.0   /* parts of a view: 2^30; a narrower piece is an instant */
+void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
+             double end, const cff_zone_t *zone, cfi_view_t *view);
+bool cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t);
+bool cfi_begin_places(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t);
+double cfi_time_in(const cfi_view_t *view, double u);
+bool cfi_coasts_apart(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, double h);
+void cfi_take_piece(const cfi_view_t *view, cfi_piece_t *piece);
+bool cfi_next_interval(double *low, double *width);
+bool cfi_halve_piece(cfi_piece_t *piece);
+
+/* cff_conflicts.c */
+cff_status_t cfi_check_pair(const cff_path_t *one, const cff_path_t *other, const cff_zone_t *zone);
+
+/* cff_search.c */
+void cfi_cross(const double a[3], const double b[3], double out[3]);
+bool cfi_leg_is_good(const cff_leg_t *leg);
 
 /* cff_extremum.c */
-double cfi_minimum(const cfi_view_t *view, cff_shape_t shape, double stop, uint32_t patience, double *best,
-                    double *best_time, uint32_t *evaluations);
+double cfi_minimum(const cfi_view_t *view, cff_shape_t shape, double *best, double *best_u, uint32_t *evaluations);
 
 #endif

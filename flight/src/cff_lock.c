@@ -2,8 +2,8 @@
  * The first lock of two lost craft (closeform/search/lock_march.py, schedule.py).
  *
  * For i in A and j in B, with q the vector from i's sensor to j's, both see each other when
- * g = |q| cos(half-angle) - b.(r + v t) + baseline <= 0 and |q| <= range.  The march steps as far as g
- * certainly conflicts positive: it never steps over a lock, however short.
+ * g = |q| cos(half-angle) - b.q <= 0 and |q| <= range.  The march steps as far as g
+ * certainly stays positive: it never steps over a lock, however short.
  */
 #include <math.h>
 
@@ -13,12 +13,29 @@
 #define CLOSE 1.0e-8 /* s */
 #define TINY 1.0e-300
 #define UNIT 2.3e-16
-#define PI 3.14159265358979323846
+
+/* A pair of sensors that look in opposite directions. */
+typedef struct {
+    double baseline; /* both offsets together */
+    double cosine;   /* of the half-angle */
+    double range;
+} sensors_t;
+
+/* A leg as its march reads it: the boresight of A is steady + cosine cos(rate t) + sine sin(rate t). */
+typedef struct {
+    double start;
+    double end;
+    double rate;
+    double steady[3];
+    double cosine[3];
+    double sine[3];
+} turn_t;
 
 /* What bounds g'' all through a leg. */
 typedef struct {
     double last;     /* the swinging part at the end, squared */
     double sideways; /* the velocity's part */
+    double turning;  /* |q''| */
     double fast;     /* |q'| */
 } leg_bounds_t;
 
@@ -38,29 +55,31 @@ static double before(double gap, double slope, double bend)
     return over / (under + TINY);
 }
 
-static leg_bounds_t limits(const cff_leg_t *leg, const cff_sensor_t *sensor, const cff_state_t *relative)
+static leg_bounds_t limits(const turn_t *leg, const sensors_t *sensor, const cff_state_t *relative)
 {
     leg_bounds_t out;
     double e[3];
     for (uint32_t i = 0U; i < 3U; i++) {
-        e[i] = relative->position_m[i] + (relative->velocity_m_s[i] * leg->end_s);
+        e[i] = relative->position_m[i] + (relative->velocity_m_s[i] * leg->end);
     }
     const double *v = relative->velocity_m_s;
     const double c = cfi_dot(leg->cosine, e);
     const double s = cfi_dot(leg->sine, e);
     const double cv = cfi_dot(leg->cosine, v);
     const double sv = cfi_dot(leg->sine, v);
-    const double w = fabs(leg->rate_rad_s);
+    const double w = fabs(leg->rate);
     out.last = (c * c) + (s * s);
     out.sideways = 2.0 * w * sqrt((cv * cv) + (sv * sv));
-    out.fast = sqrt(cfi_dot(v, v)) + (sensor->baseline_m * w);
+    const double fastest = w * sqrt(cfi_dot(leg->cosine, leg->cosine)); /* |b'| */
+    out.turning = sensor->baseline * w * fastest;
+    out.fast = sqrt(cfi_dot(v, v)) + (sensor->baseline * fastest);
     return out;
 }
 
-static step_t step(const cff_leg_t *leg, const leg_bounds_t *bounds, const cff_sensor_t *sensor,
+static step_t step(const turn_t *leg, const leg_bounds_t *bounds, const sensors_t *sensor,
                    const cff_state_t *relative, double t)
 {
-    const double w = leg->rate_rad_s;
+    const double w = leg->rate;
     const double c = sensor->cosine;
     double sa;
     double ca;
@@ -70,25 +89,25 @@ static step_t step(const cff_leg_t *leg, const leg_bounds_t *bounds, const cff_s
     double q[3];
     double u[3];
     step_t out;
-    cfi_sine_cosine(w * (t - leg->start_s), &sa, &ca);
+    cfi_sine_cosine(w * (t - leg->start), &sa, &ca);
     for (uint32_t i = 0U; i < 3U; i++) {
         b[i] = leg->steady[i] + (leg->cosine[i] * ca) + (leg->sine[i] * sa);
         d[i] = w * ((leg->sine[i] * ca) - (leg->cosine[i] * sa));
         p[i] = relative->position_m[i] + (relative->velocity_m_s[i] * t);
-        q[i] = p[i] - (sensor->baseline_m * b[i]);
-        u[i] = relative->velocity_m_s[i] - (sensor->baseline_m * d[i]);
+        q[i] = p[i] - (sensor->baseline * b[i]);
+        u[i] = relative->velocity_m_s[i] - (sensor->baseline * d[i]);
     }
     const double distance = sqrt(cfi_dot(q, q));
     const double gap = (c * distance) - cfi_dot(b, q);
-    const double beyond = distance - sensor->range_m;
-    const double nothing = SEEN * (distance + (2.0 * sensor->baseline_m));
+    const double beyond = distance - sensor->range;
+    const double nothing = SEEN * (distance + (2.0 * sensor->baseline));
     const double growth = cfi_dot(q, u) / (distance + TINY);
     const double slope = (c * growth) - (cfi_dot(b, relative->velocity_m_s) + cfi_dot(d, p));
     /* b.(r + v t) bends by its swinging part, greatest at one end of the leg, and the velocity's */
     const double cp = cfi_dot(leg->cosine, p);
     const double sp = cfi_dot(leg->sine, p);
     const double now = (cp * cp) + (sp * sp);
-    const double turning = sensor->baseline_m * w * w;
+    const double turning = bounds->turning;
     /* c |q| is convex but for that; where c < 0 it is concave, twice |q'|^2 / |q| before |q| is halved */
     const double curved = (2.0 * bounds->fast * bounds->fast / (distance + TINY)) + turning;
     double bend = (w * w * sqrt(cfi_max(now, bounds->last))) + bounds->sideways + (cfi_max(c, 0.0) * turning);
@@ -113,65 +132,84 @@ static bool input_is_good(const cff_leg_t legs[], uint32_t leg_count, const cff_
                           const cff_state_t *relative, double from_s)
 {
     bool good = (leg_count > 0U) && (leg_count <= CFF_MOST_LEGS) && cfi_state_finite(relative) && cfi_finite(&from_s, 1U);
-    good = good && (sensor->baseline_m >= 0.0) && (sensor->baseline_m <= CFF_LARGEST);
-    good = good && (sensor->cosine > -1.0) && (sensor->cosine < 1.0) && (sensor->range_m > 0.0);
+    good = good && (sensor->offset_m >= 0.0) && (sensor->offset_m <= CFF_LARGEST) && (sensor->range_m > 0.0);
+    good = good && (sensor->half_angle_rad > 0.0) && (sensor->half_angle_rad < CFF_PI);
     for (uint32_t k = 0U; (k < leg_count) && good; k++) {
-        const cff_leg_t *leg = &legs[k];
-        good = cfi_finite(&leg->start_s, 3U) && cfi_finite(leg->steady, 3U) && cfi_finite(leg->cosine, 3U);
-        good = good && cfi_finite(leg->sine, 3U) && (leg->end_s > leg->start_s);
-        good = good && (fabs(leg->rate_rad_s * (leg->end_s - leg->start_s)) <= CFF_LARGEST_ANGLE_RAD);
-        good = good && ((k == 0U) || (leg->start_s >= legs[k - 1U].start_s));
+        good = cfi_leg_is_good(&legs[k]) && ((k == 0U) || (legs[k].start_s >= legs[k - 1U].start_s));
     }
     const double size = fabs(relative->position_m[0]) + fabs(relative->position_m[1]) + fabs(relative->position_m[2]);
     return good && (size > (1.0 / CFF_LARGEST));
 }
 
 /* First lock within a leg from time t on; false where there is none before its end, or evaluations are spent. */
-static bool lock_in_leg(const cff_leg_t *leg, const cff_sensor_t *sensor, const cff_state_t *relative, double from,
+static bool lock_in_leg(const turn_t *leg, const sensors_t *sensor, const cff_state_t *relative, double from,
                         double *reached, uint32_t *evaluations)
 {
     const leg_bounds_t bounds = limits(leg, sensor, relative);
     double t = from;
     bool on = true;
     bool found = false;
-    while (on && (*evaluations > 0U)) { /* each turn costs a evaluation */
+    while (on && (*evaluations > 0U)) { /* each turn costs an evaluation */
         cfi_spend(evaluations, 1U);
         const step_t now = step(leg, &bounds, sensor, relative, t);
         if (now.locked) {
             found = true;
             on = false;
-        } else if (t >= leg->end_s) {
+        } else if (t >= leg->end) {
             on = false;
         } else if (now.near) {
-            found = ((t + now.h) <= leg->end_s);
-            t = cfi_min(t + now.h, leg->end_s);
+            found = ((t + now.h) <= leg->end);
+            t = cfi_min(t + now.h, leg->end);
             on = false;
         } else {
-            t = cfi_min(leg->end_s, cfi_max(t + now.h, t * (1.0 + UNIT)));
+            t = cfi_min(leg->end, cfi_max(t + now.h, t * (1.0 + UNIT)));
         }
     }
     *reached = t;
     return found;
 }
 
+static turn_t turn_of(const cff_leg_t *leg)
+{
+    turn_t out;
+    const double *b = leg->attitude.boresight;
+    const double along = cfi_dot(leg->axis, b);
+    out.start = leg->start_s;
+    out.end = leg->end_s;
+    out.rate = leg->angle_rad / (leg->end_s - leg->start_s);
+    cfi_cross(leg->axis, b, out.sine);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        out.steady[i] = leg->axis[i] * along;
+        out.cosine[i] = b[i] - out.steady[i];
+    }
+    return out;
+}
+
 cff_status_t cff_first_lock(const cff_leg_t legs[], uint32_t leg_count, const cff_sensor_t *sensor,
                             const cff_state_t *relative, double from_s, uint32_t evaluations, cff_lock_t *lock)
 {
     cff_status_t status = CFF_BAD_INPUT;
-    uint32_t left = evaluations;
-    lock->time_s = CFF_FOREVER;
-    lock->leg = -1;
-    lock->certified_until_s = from_s;
     if (input_is_good(legs, leg_count, sensor, relative, from_s)) {
+        sensors_t pair;
+        double sine;
+        uint32_t left = evaluations;
+        cfi_sine_cosine(sensor->half_angle_rad, &sine, &pair.cosine);
+        pair.cosine = (fabs(pair.cosine) > 1e-15) ? pair.cosine : 0.0; /* of a right angle */
+        pair.baseline = 2.0 * sensor->offset_m;
+        pair.range = sensor->range_m;
+        lock->time_s = CFF_FOREVER;
+        lock->leg = -1;
+        lock->certified_until_s = from_s;
         status = CFF_OK;
         for (uint32_t k = 0U; (k < leg_count) && (lock->leg < 0) && (status == CFF_OK); k++) {
             if (lock->certified_until_s <= legs[k].end_s) {
+                const turn_t turn = turn_of(&legs[k]);
                 double reached = 0.0;
-                const double begin = cfi_max(lock->certified_until_s, legs[k].start_s);
-                if (lock_in_leg(&legs[k], sensor, relative, begin, &reached, &left)) {
+                const double begin = cfi_max(lock->certified_until_s, turn.start);
+                if (lock_in_leg(&turn, &pair, relative, begin, &reached, &left)) {
                     lock->leg = (int32_t)k;
                     lock->time_s = reached;
-                } else if ((left == 0U) && (reached < legs[k].end_s)) {
+                } else if ((left == 0U) && (reached < turn.end)) {
                     status = CFF_MORE;
                 } else {
                     /* on to the next leg */
@@ -179,63 +217,7 @@ cff_status_t cff_first_lock(const cff_leg_t legs[], uint32_t leg_count, const cf
                 lock->certified_until_s = reached;
             }
         }
-    }
-    lock->evaluations_used = evaluations - left;
-    return status;
-}
-
-/* Turn `v` about a unit axis. */
-static void turn(const double axis[3], double angle, double v[3])
-{
-    double s;
-    double c;
-    const double along = cfi_dot(axis, v);
-    const double cross[3] = {(axis[1] * v[2]) - (axis[2] * v[1]), (axis[2] * v[0]) - (axis[0] * v[2]),
-                             (axis[0] * v[1]) - (axis[1] * v[0])};
-    cfi_sine_cosine(angle, &s, &c);
-    for (uint32_t i = 0U; i < 3U; i++) {
-        const double steady = axis[i] * along;
-        v[i] = steady + (c * (v[i] - steady)) + (s * cross[i]);
-    }
-}
-
-cff_status_t cff_modified_search(double slew_rate_rad_s, double tip_angle_rad, cff_leg_t legs[CFF_SEARCH_LEGS])
-{
-    static const double sun[3] = {0.0, 0.0, -1.0};
-    /* Turns about body y, in tips; 0: about the sun line, first by 3 pi, in plane, later by half a turn. */
-    static const double tips[8] = {0.0, 1.0, -2.0, 0.0, 2.0, 0.0, -2.0, 1.0};
-    double body_y[3] = {0.0, 1.0, 0.0};
-    double boresight[3] = {1.0, 0.0, 0.0};
-    double start = 0.0;
-    cff_status_t status = CFF_BAD_INPUT;
-    if ((slew_rate_rad_s > 0.0) && (slew_rate_rad_s <= CFF_LARGEST) && (tip_angle_rad > 0.0) &&
-        (tip_angle_rad < (0.5 * PI))) {
-        for (uint32_t k = 0U; k < CFF_SEARCH_LEGS; k++) {
-            const uint32_t place = k % 8U;
-            const bool about_sun = (tips[place] == 0.0);
-            const double swung = (place == 0U) ? (3.0 * PI) : PI;
-            const double angle = about_sun ? swung : (tips[place] * tip_angle_rad);
-            double axis[3];
-            cff_leg_t *leg = &legs[k];
-            for (uint32_t i = 0U; i < 3U; i++) {
-                axis[i] = about_sun ? sun[i] : body_y[i];
-            }
-            const double along = cfi_dot(axis, boresight);
-            leg->start_s = start;
-            leg->end_s = start + (fabs(angle) / slew_rate_rad_s);
-            leg->rate_rad_s = angle / (leg->end_s - leg->start_s);
-            leg->sine[0] = (axis[1] * boresight[2]) - (axis[2] * boresight[1]);
-            leg->sine[1] = (axis[2] * boresight[0]) - (axis[0] * boresight[2]);
-            leg->sine[2] = (axis[0] * boresight[1]) - (axis[1] * boresight[0]);
-            for (uint32_t i = 0U; i < 3U; i++) {
-                leg->steady[i] = axis[i] * along;
-                leg->cosine[i] = boresight[i] - leg->steady[i];
-            }
-            turn(axis, angle, boresight);
-            turn(axis, angle, body_y);
-            start = leg->end_s;
-        }
-        status = CFF_OK;
+        lock->evaluations_used = evaluations - left;
     }
     return status;
 }

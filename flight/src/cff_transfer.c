@@ -1,10 +1,11 @@
 /*
- * Natural motion and energy-optimal transfer (closeform/motion/steering.py, linear.py, effort.py).
+ * Natural motion and transfer of minimum energy (closeform/motion/steering.py, linear.py, effort.py).
  *
  * The optimal thrust is a natural motion itself, fixed by its start and start rate.  The response to
  * those six numbers is well conditioned down to n = 0; it is solved for, and once more on what is left.
  */
 #include <math.h>
+#include <stddef.h>
 
 #include "cff_internal.h"
 
@@ -12,20 +13,26 @@
 #define REFINEMENTS 2U
 
 /* The state reached from rest under each unit thrust (columns 0-2) and unit thrust rate (3-5). */
-static void response(double n, double t, double matrix[SIX][SIX])
+static void response(const cff_table_t *chief, double n, double from, double to, double matrix[SIX][SIX])
 {
     cfi_transforms_t k;
-    cfi_transforms(n, t, &k);
+    cfi_transforms(n, to - from, &k);
     for (uint32_t j = 0U; j < SIX; j++) {
         cfi_motion_t m = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-        double u[3] = {0.0, 0.0, 0.0};
-        double w[3] = {0.0, 0.0, 0.0};
+        cff_arc_t arc = {0};
+        arc.start_s = from;
+        arc.end_s = to;
         if (j < 3U) {
-            u[j] = 1.0;
+            arc.thrust_m_s2[j] = 1.0;
         } else {
-            w[j - 3U] = 1.0;
+            arc.thrust_rate_m_s3[j - 3U] = 1.0;
         }
-        cfi_add_driven(n, t, &k, u, w, &m);
+        if (chief != NULL) {
+            cfi_motion_t primer;
+            cfi_arc_state(chief, &arc, to, &m, &primer);
+        } else {
+            cfi_add_driven(n, to - from, &k, arc.thrust_m_s2, arc.thrust_rate_m_s3, &m);
+        }
         for (uint32_t i = 0U; i < 3U; i++) {
             matrix[i][j] = m.r[i];
             matrix[i + 3U][j] = m.v[i];
@@ -33,30 +40,30 @@ static void response(double n, double t, double matrix[SIX][SIX])
     }
 }
 
-/* Scale columns, of very different units, and rows to a greatest number of 1. */
-static bool scale(double matrix[SIX][SIX], double rhs[SIX], double columns[SIX])
+/* Scale columns, of very different units, and rows to a largest number of 1. */
+static bool scale(double matrix[], uint32_t size, double rhs[], double columns[])
 {
     bool good = true;
-    for (uint32_t j = 0U; j < SIX; j++) {
+    for (uint32_t j = 0U; j < size; j++) {
         double largest = 0.0;
-        for (uint32_t i = 0U; i < SIX; i++) {
-            largest = cfi_max(largest, fabs(matrix[i][j]));
+        for (uint32_t i = 0U; i < size; i++) {
+            largest = cfi_max(largest, fabs(matrix[(i * size) + j]));
         }
         good = good && (largest > 0.0) && (largest <= CFF_LARGEST);
         columns[j] = good ? (1.0 / largest) : 0.0;
-        for (uint32_t i = 0U; i < SIX; i++) {
-            matrix[i][j] *= columns[j];
+        for (uint32_t i = 0U; i < size; i++) {
+            matrix[(i * size) + j] *= columns[j];
         }
     }
-    for (uint32_t i = 0U; (i < SIX) && good; i++) {
+    for (uint32_t i = 0U; (i < size) && good; i++) {
         double largest = 0.0;
-        for (uint32_t j = 0U; j < SIX; j++) {
-            largest = cfi_max(largest, fabs(matrix[i][j]));
+        for (uint32_t j = 0U; j < size; j++) {
+            largest = cfi_max(largest, fabs(matrix[(i * size) + j]));
         }
         good = (largest > 0.0);
         if (good) {
-            for (uint32_t j = 0U; j < SIX; j++) {
-                matrix[i][j] /= largest;
+            for (uint32_t j = 0U; j < size; j++) {
+                matrix[(i * size) + j] /= largest;
             }
             rhs[i] /= largest;
         }
@@ -71,58 +78,67 @@ static void swap(double *a, double *b)
     *b = kept;
 }
 
-/* Solve six equations in place by scaled, pivoted elimination; the solution is left in `rhs`. */
-static bool solve(double matrix[SIX][SIX], double rhs[SIX])
+/* Bring the largest number of column k at or below row k to row k; false if it is 0. */
+static bool pivot(double matrix[], uint32_t size, double rhs[], uint32_t k)
 {
-    double columns[SIX];
-    bool good = scale(matrix, rhs, columns);
-    for (uint32_t k = 0U; (k < SIX) && good; k++) {
-        uint32_t pivot = k;
-        for (uint32_t i = k + 1U; i < SIX; i++) {
-            if (fabs(matrix[i][k]) > fabs(matrix[pivot][k])) {
-                pivot = i;
-            }
+    uint32_t best = k;
+    for (uint32_t i = k + 1U; i < size; i++) {
+        if (fabs(matrix[(i * size) + k]) > fabs(matrix[(best * size) + k])) {
+            best = i;
         }
-        if (pivot != k) {
-            for (uint32_t j = k; j < SIX; j++) {
-                swap(&matrix[k][j], &matrix[pivot][j]);
-            }
-            swap(&rhs[k], &rhs[pivot]);
+    }
+    if (best != k) {
+        for (uint32_t j = k; j < size; j++) {
+            swap(&matrix[(k * size) + j], &matrix[(best * size) + j]);
         }
-        good = (matrix[k][k] != 0.0);
-        for (uint32_t i = k + 1U; (i < SIX) && good; i++) {
-            const double factor = matrix[i][k] / matrix[k][k];
-            for (uint32_t j = k + 1U; j < SIX; j++) {
-                matrix[i][j] -= factor * matrix[k][j];
+        swap(&rhs[k], &rhs[best]);
+    }
+    return matrix[(k * size) + k] != 0.0;
+}
+
+/*
+ * Solve equations in place by scaled, pivoted elimination; the solution is left in `rhs`.  `columns` is room for
+ * as many numbers.
+ */
+bool cfi_solve(double matrix[], uint32_t size, double rhs[], double columns[])
+{
+    bool good = scale(matrix, size, rhs, columns);
+    for (uint32_t k = 0U; (k < size) && good; k++) {
+        good = pivot(matrix, size, rhs, k);
+        for (uint32_t i = k + 1U; (i < size) && good; i++) {
+            const double factor = matrix[(i * size) + k] / matrix[(k * size) + k];
+            for (uint32_t j = k + 1U; j < size; j++) {
+                matrix[(i * size) + j] -= factor * matrix[(k * size) + j];
             }
             rhs[i] -= factor * rhs[k];
         }
     }
-    for (uint32_t left = SIX; (left > 0U) && good; left--) {
+    for (uint32_t left = size; (left > 0U) && good; left--) {
         const uint32_t k = left - 1U;
-        for (uint32_t j = k + 1U; j < SIX; j++) {
-            rhs[k] -= matrix[k][j] * rhs[j];
+        for (uint32_t j = k + 1U; j < size; j++) {
+            rhs[k] -= matrix[(k * size) + j] * rhs[j];
         }
-        rhs[k] /= matrix[k][k];
+        rhs[k] /= matrix[(k * size) + k];
     }
-    for (uint32_t j = 0U; (j < SIX) && good; j++) {
+    for (uint32_t j = 0U; (j < size) && good; j++) {
         rhs[j] *= columns[j];
     }
     return good;
 }
 
-/* The start thrust and thrust rate that take a craft from rest at the origin to `gap`. */
-bool cfi_steer(double n, double t, const double gap[6], double thrust[6])
+/* The start thrust and thrust rate that lead from rest at the origin to `gap`. */
+bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const double gap[6], double thrust[6])
 {
     double matrix[SIX][SIX];
     bool good = true;
-    response(n, t, matrix);
+    response(chief, n, from, to, matrix);
     for (uint32_t i = 0U; i < SIX; i++) {
         thrust[i] = 0.0;
     }
     for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on what rounding left */
         double work[SIX][SIX];
         double rhs[SIX];
+        double columns[SIX];
         for (uint32_t i = 0U; i < SIX; i++) {
             rhs[i] = gap[i];
             for (uint32_t j = 0U; j < SIX; j++) {
@@ -130,7 +146,7 @@ bool cfi_steer(double n, double t, const double gap[6], double thrust[6])
                 work[i][j] = matrix[i][j];
             }
         }
-        good = solve(work, rhs);
+        good = cfi_solve(&work[0][0], SIX, rhs, columns);
         for (uint32_t i = 0U; (i < SIX) && good; i++) {
             thrust[i] += rhs[i];
         }
@@ -156,43 +172,45 @@ cff_status_t cff_coast(double mean_motion_rad_s, double duration_s, const cff_st
     return status;
 }
 
-cff_status_t cff_drift(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
-                       cff_arc_t *arc)
+/* An arc of natural motion beside a table, or by Hill's equations. */
+static cff_status_t drift(const cff_table_t *chief, double n, double start, double duration, const cff_state_t *initial,
+                          cff_arc_t *arc)
 {
-    const cff_arc_t nothing = {0};
-    const cff_path_t path = {arc, 1U};
-    *arc = nothing;
-    arc->start_s = start_s;
-    arc->end_s = start_s + duration_s;
-    arc->mean_motion_rad_s = mean_motion_rad_s;
-    arc->state = *initial;
-    return cff_check_path(&path);
+    cff_arc_t made = {0};
+    const cff_path_t path = {&made, 1U, chief};
+    made.start_s = start;
+    made.end_s = start + duration;
+    made.mean_motion_rad_s = n;
+    made.state = *initial;
+    const cff_status_t status = (duration > 0.0) ? cff_check_path(&path) : CFF_BAD_INPUT;
+    if (status == CFF_OK) {
+        *arc = made;
+    }
+    return status;
 }
 
-cff_status_t cff_transfer(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
-                          const cff_state_t *final, cff_arc_t *arc)
+static cff_status_t transfer(const cff_table_t *chief, double n, double start, double duration, const cff_state_t *initial,
+                             const cff_state_t *final, cff_arc_t *arc)
 {
-    cff_status_t status = cff_drift(mean_motion_rad_s, start_s, duration_s, initial, arc);
-    if ((status == CFF_OK) && !cfi_state_finite(final)) {
-        status = CFF_BAD_INPUT;
-    }
+    cff_arc_t made;
+    cff_status_t status = cfi_state_finite(final) ? drift(chief, n, start, duration, initial, &made) : CFF_BAD_INPUT;
     if (status == CFF_OK) {
-        const double t = arc->end_s - arc->start_s;
+        const cff_path_t path = {&made, 1U, chief};
         double gap[SIX];
         double thrust[SIX];
         cfi_motion_t m;
-        double p[3];
-        cfi_oscillation(mean_motion_rad_s, t, p);
-        cfi_coast(mean_motion_rad_s, t, p, initial->position_m, initial->velocity_m_s, &m);
+        cfi_motion_t u;
+        cfi_arc_motion(&path, 0U, made.end_s, &m, &u);
         for (uint32_t i = 0U; i < 3U; i++) {
             gap[i] = final->position_m[i] - m.r[i];
             gap[i + 3U] = final->velocity_m_s[i] - m.v[i];
         }
-        if (cfi_steer(mean_motion_rad_s, t, gap, thrust)) {
+        if (cfi_steer(chief, n, made.start_s, made.end_s, gap, thrust)) {
             for (uint32_t i = 0U; i < 3U; i++) {
-                arc->thrust_m_s2[i] = thrust[i];
-                arc->thrust_rate_m_s3[i] = thrust[i + 3U];
+                made.thrust_m_s2[i] = thrust[i];
+                made.thrust_rate_m_s3[i] = thrust[i + 3U];
             }
+            *arc = made;
         } else {
             status = CFF_SINGULAR;
         }
@@ -200,31 +218,60 @@ cff_status_t cff_transfer(double mean_motion_rad_s, double start_s, double durat
     return status;
 }
 
-cff_status_t cff_energy(const cff_arc_t *arc, double *energy_m2_s3)
+cff_status_t cff_drift(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
+                       cff_arc_t *arc)
 {
-    const cff_path_t path = {arc, 1U};
-    cff_status_t status = cff_check_path(&path);
-    *energy_m2_s3 = 0.0;
-    for (uint32_t i = 0U; i < 3U; i++) {
-        if ((arc->push_m_s2[i] != 0.0) || (arc->push_rate_m_s3[i] != 0.0) || (arc->push_bend_m_s4[i] != 0.0) ||
-            (arc->push_twist_m_s5[i] != 0.0)) {
+    return drift(NULL, mean_motion_rad_s, start_s, duration_s, initial, arc);
+}
+
+cff_status_t cff_drift_beside(const cff_table_t *chief, double start_s, double duration_s, const cff_state_t *initial,
+                              cff_arc_t *arc)
+{
+    return drift(chief, 0.0, start_s, duration_s, initial, arc);
+}
+
+cff_status_t cff_transfer(double mean_motion_rad_s, double start_s, double duration_s, const cff_state_t *initial,
+                          const cff_state_t *final, cff_arc_t *arc)
+{
+    return transfer(NULL, mean_motion_rad_s, start_s, duration_s, initial, final, arc);
+}
+
+cff_status_t cff_transfer_beside(const cff_table_t *chief, double start_s, double duration_s, const cff_state_t *initial,
+                                 const cff_state_t *final, cff_arc_t *arc)
+{
+    return transfer(chief, 0.0, start_s, duration_s, initial, final, arc);
+}
+
+/* The energy of an arc by Hill's equations: d(costate . state)/dt = |u|^2, of the state that thrust alone causes. */
+static double energy_of(const cff_arc_t *arc)
+{
+    const double n = arc->mean_motion_rad_s;
+    const double t = arc->end_s - arc->start_s;
+    cfi_transforms_t k;
+    cfi_motion_t m = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    cfi_motion_t u;
+    cfi_transforms(n, t, &k);
+    cfi_add_driven(n, t, &k, arc->thrust_m_s2, arc->thrust_rate_m_s3, &m);
+    cfi_primer(arc, arc->end_s, &u);
+    const double costate[3] = {(2.0 * n * u.r[1]) - u.v[0], (-2.0 * n * u.r[0]) - u.v[1], -u.v[2]};
+    return 0.5 * (cfi_dot(costate, m.r) + cfi_dot(u.r, m.v));
+}
+
+cff_status_t cff_energy(const cff_path_t *path, double *energy_m2_s3)
+{
+    cff_status_t status = cff_check_path(path);
+    double total = 0.0;
+    for (uint32_t k = 0U; (k < path->count) && (status == CFF_OK); k++) {
+        if (cfi_pushes(&path->arcs[k])) {
             status = CFF_BAD_INPUT;
+        } else {
+            total += (path->chief != NULL) ? cfi_arc_energy(path->chief, &path->arcs[k]) : energy_of(&path->arcs[k]);
         }
     }
-    if (status == CFF_OK) {
-        /* d(costate . state)/dt = |u|^2, with the state that the thrust alone produces */
-        const double n = arc->mean_motion_rad_s;
-        const double t = arc->end_s - arc->start_s;
-        cfi_transforms_t k;
-        cfi_motion_t m = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-        cfi_motion_t u;
-        double p[3];
-        cfi_transforms(n, t, &k);
-        cfi_add_driven(n, t, &k, arc->thrust_m_s2, arc->thrust_rate_m_s3, &m);
-        cfi_oscillation(n, t, p);
-        cfi_coast(n, t, p, arc->thrust_m_s2, arc->thrust_rate_m_s3, &u);
-        const double costate[3] = {(2.0 * n * u.r[1]) - u.v[0], (-2.0 * n * u.r[0]) - u.v[1], -u.v[2]};
-        *energy_m2_s3 = 0.5 * (cfi_dot(costate, m.r) + cfi_dot(u.r, m.v));
+    if ((status == CFF_OK) && (fabs(total) <= CFF_FOREVER)) {
+        *energy_m2_s3 = total;
+    } else {
+        status = CFF_BAD_INPUT;
     }
     return status;
 }

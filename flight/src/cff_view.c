@@ -1,230 +1,225 @@
 /*
- * Views: two arcs seen at once, and how far along nothing can happen (closeform/motion/certified_march.py,
- * conflicts/exclusion.py).
+ * Views: the relative position of two arcs as polynomials, and its pieces.
  *
- * Per axis the relative position is the sum of `derivative k` times a function that is t^k/k! at n = 0.
+ * By Hill's equations the relative position is known by its first derivatives, of which the later ones
+ * follow.  Its power series over an angle n t of at most REACH, cut to degree 11 so that the largest error is
+ * least, becomes a Bernstein polynomial.  Beside a table it is the polynomial of a window.
  */
 #include <math.h>
+#include <stddef.h>
 
 #include "cff_internal.h"
 
-#define ANGLE 1.0       /* reach of a view of thrust, in n t: the bounds hold up to here */
-#define COAST_ANGLE 3.0 /* and of natural motion */
-#define TAYLOR_DEGREE 14U
-#define TAYLOR_ANGLE 0.25 /* reach in n t: the terms left out are below 1e-17 of the squared norm */
-#define TAYLOR_TRIES 80U
+#define REACH 0.7853981633974483 /* rad: eight views an orbit; with six, errors reach 1e-10 of far positions */
+#define ROUNDING 4.0e-15         /* of a coordinate, relative to the largest coefficient */
+#define ON_JOINT 1.0e-14
 
-static bool both_coast(const cff_arc_t *a, const cff_arc_t *b)
-{
-    return (a->mean_motion_rad_s == b->mean_motion_rad_s) && !cfi_thrusts(a) && !cfi_thrusts(b);
-}
+static bool both_coast(const cff_arc_t *a, const cff_arc_t *b) { return !cfi_thrusts(a) && !cfi_thrusts(b); }
 
-/* How far both arcs are seen at once from t on: to where one ends, or the bounds get wide. */
-double cfi_view_end(const cff_arc_t *a, const cff_arc_t *b, double t, double end)
+/* The derivatives of the relative position at time t, in zone units; how many fix the motion. */
+static uint32_t derivatives(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone,
+                            double q[CFF_ORDER][3])
 {
-    const double n = cfi_max(a->mean_motion_rad_s, b->mean_motion_rad_s);
-    const double stop = cfi_min(cfi_min(end, a->end_s), b->end_s);
-    return (n == 0.0) ? stop : cfi_min(stop, t + ((both_coast(a, b) ? COAST_ANGLE : ANGLE) / n));
-}
-
-static void to_zone_units(const cff_zone_t *zone, double q[3])
-{
-    const double r[3] = {q[0], q[1], q[2]};
-    for (uint32_t i = 0U; i < 3U; i++) {
-        q[i] = cfi_dot(zone->to_unit_per_m[i], r);
-    }
-}
-
-/* See both arcs from time t on. */
-void cfi_see(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, cfi_view_t *view)
-{
-    view->n = cfi_max(a->mean_motion_rad_s, b->mean_motion_rad_s);
+    const uint32_t order = both_coast(a, b) ? CFF_COAST_ORDER : CFF_ORDER;
     for (uint32_t k = 0U; k < CFF_ORDER; k++) {
         for (uint32_t i = 0U; i < 3U; i++) {
-            view->q[k][i] = 0.0;
+            q[k][i] = 0.0;
         }
     }
-    if (both_coast(a, b) && (view->n > 0.0)) { /* the difference of two natural motions is one */
-        cfi_motion_t m;
-        cfi_motion_t other;
-        cfi_state(a, t, &m);
-        cfi_state(b, t, &other);
+    cfi_add_derivatives(a, t, order, 1.0, q);
+    cfi_add_derivatives(b, t, order, -1.0, q);
+    for (uint32_t k = 0U; k < order; k++) {
+        const double r[3] = {q[k][0], q[k][1], q[k][2]};
         for (uint32_t i = 0U; i < 3U; i++) {
-            m.r[i] -= other.r[i];
-            m.v[i] -= other.v[i];
-        }
-        view->order = CFF_COAST_ORDER;
-        for (uint32_t k = 0U; k < CFF_COAST_ORDER; k++) {
-            double acceleration[3];
-            cfi_accelerate(view->n, m.r, m.v, acceleration);
-            for (uint32_t i = 0U; i < 3U; i++) {
-                view->q[k][i] = m.r[i];
-                m.r[i] = m.v[i];
-                m.v[i] = acceleration[i];
-            }
-        }
-    } else {
-        view->order = (cfi_is_cubic(a) && cfi_is_cubic(b)) ? CFF_COAST_ORDER : CFF_ORDER;
-        cfi_add_derivatives(a, t, view->order, 1.0, view->q);
-        cfi_add_derivatives(b, t, view->order, -1.0, view->q);
-    }
-    for (uint32_t k = 0U; k < view->order; k++) {
-        to_zone_units(zone, view->q[k]);
-    }
-}
-
-/* Relative position and velocity at time t after the view's start. */
-void cfi_evaluate(const cfi_view_t *view, double t, cfi_motion_t *out)
-{
-    if (view->order == CFF_COAST_ORDER) {
-        double p[3];
-        cfi_oscillation(view->n, t, p);
-        for (uint32_t i = 0U; i < 3U; i++) {
-            const double v = view->q[1][i];
-            const double a = view->q[2][i];
-            const double b = view->q[3][i];
-            out->r[i] = view->q[0][i] + (v * t) + (a * p[1]) + (b * p[2]);
-            out->v[i] = v + (a * p[0]) + (b * p[1]);
-        }
-    } else {
-        cfi_transforms_t k;
-        cfi_transforms(view->n, t, &k);
-        const double b2 = 0.5 * t * t;
-        const double b3 = b2 * t / 3.0;
-        const double b4 = k.q1 + (2.0 * view->n * view->n * k.q3);
-        const double b5 = k.q2 + (2.0 * view->n * view->n * k.q4);
-        const double d4 = k.q0 + (2.0 * view->n * view->n * k.q2);
-        for (uint32_t i = 0U; i < 3U; i++) {
-            const double x = view->q[0][i] + (view->q[1][i] * t) + (view->q[2][i] * b2) + (view->q[3][i] * b3);
-            const double v = view->q[1][i] + (view->q[2][i] * t) + (view->q[3][i] * b2) + (view->q[4][i] * d4);
-            out->r[i] = x + (view->q[4][i] * b4) + (view->q[5][i] * b5) + (view->q[6][i] * k.q3) + (view->q[7][i] * k.q4);
-            out->v[i] = v + (view->q[5][i] * b4) + (view->q[6][i] * k.q2) + (view->q[7][i] * k.q3);
+            q[k][i] = cfi_dot(zone->to_unit_per_m[i], r);
         }
     }
+    return order;
 }
 
-/* Greatest |acceleration| and |velocity| of natural motion along one axis over [0, h]. */
-static void bound_of_coast(const cfi_view_t *view, double h, uint32_t i, double *acceleration, double *speed)
+/* Fill the polynomials of a view by Hill's equations, from its start over its length. */
+static void see_hill(const cff_arc_t *a, const cff_arc_t *b, const cff_zone_t *zone, cfi_view_t *view)
 {
-    const double n = view->n;
-    const double b = fabs(view->q[2][i]);
-    const double c = fabs(view->q[3][i]);
-    const double v = fabs(view->q[1][i]);
-    if (n == 0.0) {
-        *acceleration = cfi_max(b, fabs(view->q[2][i] + (view->q[3][i] * h)));
-        *speed = v + (*acceleration * h);
-    } else if ((n * h) < 0.1) {
-        *acceleration = b + (c * h);
-        *speed = v + ((b + (c * h)) * h);
-    } else {
-        const double swing = sqrt((b * b) + (c * c / (n * n)));
-        const double mean = fabs(view->q[1][i] + (view->q[3][i] / (n * n)));
-        *acceleration = cfi_min(swing, b + (c * h));
-        *speed = cfi_min(v + (*acceleration * h), mean + (swing / n));
-    }
-}
-
-/*
- * The same with thrust: a cubic within the hull of its Bernstein coefficients, and the rest for
- * n h <= 1: |b4'' - t^2/2| <= (nt)^4/360 t^2/2, |b5'' - t^3/6| <= (nt)^4/840 t^3/6, and the last two
- * second derivatives are below t^4/24 and t^5/120.
- */
-static void bound_of_thrust(const cfi_view_t *view, double h, uint32_t i, double *acceleration, double *speed)
-{
-    const double hh = h * h;
-    const double angle = (view->n * h) * (view->n * h);
-    const double c1 = view->q[3][i] * h;
-    const double c2 = 0.5 * view->q[4][i] * h * h;
-    const double c3 = view->q[5][i] * h * h * h / 6.0;
-    const double m0 = view->q[2][i];
-    const double m1 = m0 + (c1 / 3.0);
-    const double m2 = m0 + (((2.0 * c1) + c2) / 3.0);
-    const double m3 = m0 + c1 + c2 + c3;
-    double rest = (fabs(c2) + fabs(c3)) * (angle * angle) / 360.0;
-    rest += (fabs(view->q[6][i]) * (hh * hh) / 24.0) + (fabs(view->q[7][i]) * (h * (hh * hh)) / 120.0);
-    *acceleration = cfi_max(cfi_max(fabs(m0), fabs(m1)), cfi_max(fabs(m2), fabs(m3))) + rest;
-    *speed = fabs(view->q[1][i]) + (*acceleration * h);
-}
-
-void cfi_bounds(const cfi_view_t *view, double h, cfi_bounds_t *out)
-{
-    double speed[3];
+    const double h = view->length;
+    const double angle = a->mean_motion_rad_s * h;
+    const double zz = angle * angle;
+    double q[CFF_ORDER][3];
+    const uint32_t order = derivatives(a, b, view->from_s, zone, q);
+    const double first = (order == CFF_COAST_ORDER) ? 1.0 : 2.0;
+    const double second = (order == CFF_COAST_ORDER) ? 0.0 : 1.0;
     for (uint32_t i = 0U; i < 3U; i++) {
-        if (view->order == CFF_COAST_ORDER) {
-            bound_of_coast(view, h, i, &out->axis[i], &speed[i]);
-        } else {
-            bound_of_thrust(view, h, i, &out->axis[i], &speed[i]);
+        double powers[CFF_POWERS] = {0};
+        double scale = 1.0;
+        for (uint32_t k = 0U; k < CFF_ORDER; k++) {
+            scale *= (k > 0U) ? (h / (double)k) : 1.0;
+            powers[k] = q[k][i] * scale;
         }
+        for (uint32_t k = order; k < CFF_POWERS; k++) { /* by (D^2 + n^2) or its square */
+            const double kk = (double)k * ((double)k - 1.0);
+            powers[k] = -(zz * first / kk) * powers[k - 2U];
+            powers[k] -= (second * zz * zz / (kk * ((double)k - 2.0) * ((double)k - 3.0))) * powers[k - 4U];
+        }
+        cfi_from_powers(powers, view->c[i], &view->off[i]);
     }
-    out->acceleration = sqrt(cfi_dot(out->axis, out->axis));
-    out->speed = sqrt(cfi_dot(speed, speed));
 }
 
-/* Taylor coefficients of the relative position. */
-static void expand(const cfi_view_t *view, double c[TAYLOR_DEGREE + 1U][3])
+/* Fill the polynomials of a view beside a table, from angle `view->first` over its length. */
+static void see_table(const cff_cursor_t *one, const cff_cursor_t *other, const cff_zone_t *zone, cfi_view_t *view)
 {
-    const double nn = view->n * view->n;
-    double factorial = 1.0;
-    double d[TAYLOR_DEGREE + 1U][3];
-    for (uint32_t k = 0U; k <= TAYLOR_DEGREE; k++) {
-        for (uint32_t i = 0U; i < 3U; i++) {
-            d[k][i] = 0.0;
-        }
-    }
-    for (uint32_t k = 0U; k <= TAYLOR_DEGREE; k++) {
-        factorial *= (k > 0U) ? (double)k : 1.0;
-        for (uint32_t i = 0U; i < 3U; i++) {
-            if (k < view->order) {
-                d[k][i] = view->q[k][i];
-            } else if (view->order == CFF_COAST_ORDER) {
-                d[k][i] = -nn * d[k - 2U][i];
-            } else {
-                d[k][i] = -nn * ((2.0 * d[k - 2U][i]) + (nn * d[k - 4U][i]));
+    const cff_table_t *chief = view->chief;
+    const double size = cfi_window_end(chief, one) - one->origin_rad;
+    const double low = cfi_min(cfi_max((view->first - one->origin_rad) / size, 0.0), 1.0);
+    const double high = cfi_min(low + (view->length / size), 1.0);
+    const double *errors = &chief->errors[(size_t)one->window * CFF_COLUMNS];
+    double r[3][CFF_TERMS] = {0};
+    double off = 0.0;
+    for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
+        const double z = one->columns[j] - other->columns[j];
+        const double *row = &chief->rows[(((size_t)one->window * CFF_COLUMNS) + j) * 72U];
+        const bool moves = (z != 0.0);
+        for (uint32_t i = 0U; (i < 3U) && moves; i++) {
+            for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+                r[i][k] += z * row[(i * CFF_TERMS) + k];
             }
-            c[k][i] = d[k][i] / factorial;
         }
+        off += fabs(z) * errors[j];
+    }
+    for (uint32_t i = 0U; i < 3U; i++) {
+        const double *m = zone->to_unit_per_m[i];
+        double whole[CFF_TERMS];
+        for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+            whole[k] = ((m[0] * r[0][k]) + (m[1] * r[1][k])) + (m[2] * r[2][k]);
+        }
+        view->off[i] += off * (fabs(m[0]) + fabs(m[1]) + fabs(m[2]));
+        cfi_cut(whole, low, high, view->c[i]);
     }
 }
 
-/* How long from the view's start on a Euclidean norm certainly conflicts on its side of the target. */
-double cfi_taylor_step(const cfi_view_t *view, double longest, double target, bool inside)
+/* Move a place on to the arc and the window in which a path goes on after time t. */
+bool cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t)
 {
-    const double sign = inside ? -1.0 : 1.0;
-    double c[TAYLOR_DEGREE + 1U][3];
-    double f[TAYLOR_DEGREE + 1U];
-    double h = (view->n == 0.0) ? longest : cfi_min(longest, TAYLOR_ANGLE / view->n);
-    double found = 0.0;
-    expand(view, c);
-    for (uint32_t k = 0U; k <= TAYLOR_DEGREE; k++) {
-        f[k] = 0.0;
-        for (uint32_t i = 0U; i <= k; i++) {
-            f[k] += sign * cfi_dot(c[i], c[k - i]);
+    bool good = true;
+    uint32_t arc = place->arc;
+    while (((arc + 1U) < path->count) && (path->arcs[arc].end_s <= t)) { /* at most CFF_MOST_ARCS turns */
+        arc++;
+    }
+    if (path->chief != NULL) {
+        if (arc != place->arc) {
+            good = cfi_place(path->chief, &path->arcs[arc], t, place);
+        } else {
+            cfi_go_on(path->chief, place, t);
         }
     }
-    const double gap = f[0] - (sign * target * target);
-    for (uint32_t tries = 0U; (tries < TAYLOR_TRIES) && !(found > 0.0); tries++) {
-        double lowest = 0.0;
-        double power = 1.0;
-        for (uint32_t k = 1U; k <= TAYLOR_DEGREE; k++) {
-            power *= h;
-            lowest += cfi_min(0.0, f[k] * power);
-        }
-        if ((gap + lowest) > 0.0) {
-            found = h;
-        }
-        h *= 0.6;
-    }
-    return found;
+    place->arc = arc;
+    return good;
 }
 
-/* Whether natural motion conflicts beyond reach along direction w, on one side, all over [0, h]. */
-static bool apart_along(const cfi_view_t *view, double h, const double w[3], double reach)
+/* Set places to where two paths are at time t. */
+bool cfi_begin_places(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t)
 {
-    const double square = 1.0 / (view->n * view->n);
-    const double place = cfi_dot(w, view->q[0]);
-    const double speed = cfi_dot(w, view->q[1]);
-    const double cosine = cfi_dot(w, view->q[2]) * square;
-    const double sine = cfi_dot(w, view->q[3]) * square;
+    bool good = true;
+    at_one->arc = cfi_locate(one, t);
+    at_other->arc = cfi_locate(other, t);
+    if (one->chief != NULL) {
+        good = cfi_place(one->chief, &one->arcs[at_one->arc], t, at_one);
+        good = cfi_place(one->chief, &other->arcs[at_other->arc], t, at_other) && good;
+    }
+    return good;
+}
+
+/* View two paths from time t on, for as long as one polynomial serves, at most until `end`. */
+void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
+             double end, const cff_zone_t *zone, cfi_view_t *view)
+{
+    (void)cfi_follow(one, at_one, t);
+    (void)cfi_follow(other, at_other, t);
+    const cff_arc_t *a = &one->arcs[at_one->arc];
+    const cff_arc_t *b = &other->arcs[at_other->arc];
+    double stop = cfi_max(t, cfi_min(cfi_min(end, a->end_s), b->end_s));
+    view->chief = one->chief;
+    view->from_s = t;
+    for (uint32_t i = 0U; i < 3U; i++) {
+        view->off[i] = 0.0;
+    }
+    if (view->chief != NULL) {
+        const double finish = cfi_min(cfi_window_end(view->chief, at_one), cfi_window_end(view->chief, at_other));
+        view->first = cfi_angle(view->chief, t);
+        double last = cfi_angle(view->chief, stop);
+        if (finish < (last - ON_JOINT)) {
+            last = finish;
+            stop = cfi_max(t, cfi_min(stop, cfi_time(view->chief, finish)));
+        }
+        view->length = cfi_max(last - view->first, 0.0);
+        view->until_s = stop;
+        see_table(at_one, at_other, zone, view);
+    } else {
+        const double n = a->mean_motion_rad_s;
+        view->until_s = (n > 0.0) ? cfi_min(stop, t + (REACH / n)) : stop;
+        view->first = t;
+        view->length = view->until_s - t;
+        see_hill(a, b, zone, view);
+    }
+    for (uint32_t i = 0U; i < 3U; i++) {
+        double largest = 0.0;
+        for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+            largest = cfi_max(largest, fabs(view->c[i][k]));
+        }
+        view->off[i] += ROUNDING * largest;
+    }
+}
+
+/* The time of u. */
+double cfi_time_in(const cfi_view_t *view, double u)
+{
+    double t = view->first + (u * view->length);
+    if (view->chief != NULL) {
+        t = cfi_time(view->chief, t);
+    }
+    if (u <= 0.0) {
+        t = view->from_s;
+    }
+    return (u >= 1.0) ? view->until_s : cfi_min(cfi_max(t, view->from_s), view->until_s);
+}
+
+/* Fill in the coefficients of a piece from `low` over `width`. */
+void cfi_take_piece(const cfi_view_t *view, cfi_piece_t *piece)
+{
+    for (uint32_t i = 0U; i < 3U; i++) {
+        cfi_cut(view->c[i], piece->low, piece->low + piece->width, piece->c[i]);
+        piece->off[i] = view->off[i];
+    }
+}
+
+/* Go on behind an interval, twice as wide where halves of [0, 1] allow it; false at the end. */
+bool cfi_next_interval(double *low, double *width)
+{
+    const double twice = 2.0 * *width;
+    *low += *width;
+    const double number = *low / twice; /* whole at every second multiple of a width: exact in binary */
+    if ((cfi_whole(number) == number) && ((*low + twice) <= 1.0)) {
+        *width = twice;
+    }
+    return *low < 1.0;
+}
+
+/* Halve a piece; false if it is too narrow. */
+bool cfi_halve_piece(cfi_piece_t *piece)
+{
+    const bool wide = ((piece->width * CFF_FINEST) > 1.0);
+    if (wide) {
+        piece->width *= 0.5;
+    }
+    return wide;
+}
+
+/* Whether natural motion stays beyond reach along direction w, on one side, all over [0, h]. */
+static bool apart_along(double q[CFF_ORDER][3], double n, double h, const double w[3], double reach)
+{
+    const double square = 1.0 / (n * n);
+    const double place = cfi_dot(w, q[0]);
+    const double speed = cfi_dot(w, q[1]);
+    const double cosine = cfi_dot(w, q[2]) * square;
+    const double sine = cfi_dot(w, q[3]) * square;
     const double first = place + cosine;
     const double last = first + ((speed + sine) * h);
     const double least = (first < 0.0) ? -cfi_max(first, last) : cfi_min(first, last);
@@ -233,9 +228,8 @@ static bool apart_along(const cfi_view_t *view, double h, const double w[3], dou
 }
 
 /* A lower bound of the distance from the origin over [0, h] of natural motion: a drifting ellipse. */
-static double ring_clearance(const cfi_view_t *view, double h)
+static double ring_clearance(double q[CFF_ORDER][3], double n, double h)
 {
-    const double n = view->n;
     const double square = 1.0 / (n * n);
     double cc = 0.0;
     double ca = 0.0;
@@ -245,10 +239,10 @@ static double ring_clearance(const cfi_view_t *view, double h)
     double ab = 0.0;
     double dd = 0.0;
     for (uint32_t i = 0U; i < 3U; i++) {
-        const double a = -view->q[2][i] * square;
-        const double b = -view->q[3][i] * square / n;
-        const double d = 0.5 * (view->q[1][i] + (view->q[3][i] * square)) * h;
-        const double c = view->q[0][i] - a + d;
+        const double a = -q[2][i] * square;
+        const double b = -q[3][i] * square / n;
+        const double d = 0.5 * (q[1][i] + (q[3][i] * square)) * h;
+        const double c = q[0][i] - a + d;
         cc += c * c;
         dd += d * d;
         ca += c * a;
@@ -264,20 +258,23 @@ static double ring_clearance(const cfi_view_t *view, double h)
     return (least > 0.0) ? (sqrt(least) - sqrt(dd)) : -1.0;
 }
 
-/* Whether natural motion keeps two craft apart all over [0, h], by bounds in closed form. */
-bool cfi_coasts_apart(const cfi_view_t *view, cff_shape_t shape, double h)
+/* Whether two arcs of natural motion keep apart for h from time t on, by bounds in closed form. */
+bool cfi_coasts_apart(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, double h)
 {
     static const double axes[3][3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
+    const double n = a->mean_motion_rad_s;
     bool apart = false;
-    if ((view->n * h) >= 1e-3) { /* below, centre and oscillation cancel, and nothing is gained */
-        const double farthest = (shape == CFF_ELLIPSOID) ? 1.0 : 1.7320509;
-        const double *a = view->q[2];
-        const double *b = view->q[3];
-        const double w[3] = {(a[1] * b[2]) - (a[2] * b[1]), (a[2] * b[0]) - (a[0] * b[2]), (a[0] * b[1]) - (a[1] * b[0])};
-        const double support = (shape == CFF_ELLIPSOID) ? sqrt(cfi_dot(w, w)) : (fabs(w[0]) + fabs(w[1]) + fabs(w[2]));
-        apart = (ring_clearance(view, h) > (farthest * (1.0 + 1e-9))) || apart_along(view, h, w, support);
+    if (both_coast(a, b) && ((n * h) >= 1e-3)) { /* below, centre and oscillation cancel, and nothing is gained */
+        const bool ball = (zone->shape == CFF_ELLIPSOID);
+        const double farthest = ball ? 1.0 : 1.7320509; /* point of the zone */
+        double q[CFF_ORDER][3];
+        (void)derivatives(a, b, t, zone, q);
+        const double w[3] = {(q[2][1] * q[3][2]) - (q[2][2] * q[3][1]), (q[2][2] * q[3][0]) - (q[2][0] * q[3][2]),
+                             (q[2][0] * q[3][1]) - (q[2][1] * q[3][0])};
+        const double support = ball ? sqrt(cfi_dot(w, w)) : (fabs(w[0]) + fabs(w[1]) + fabs(w[2]));
+        apart = (ring_clearance(q, n, h) > (farthest * (1.0 + 1e-9))) || apart_along(q, n, h, w, support);
         for (uint32_t i = 0U; (i < 3U) && !apart; i++) {
-            apart = apart_along(view, h, axes[i], 1.0);
+            apart = apart_along(q, n, h, axes[i], 1.0);
         }
     }
     return apart;

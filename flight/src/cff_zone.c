@@ -1,85 +1,191 @@
 /*
- * Zones: all that a march knows of a ball and a cube, in zone units (closeform/zones/shapes.py).
+ * Zones as sets of parts (closeform/zones/shapes.py, conflicts/beside_chief.py).
  *
- * The norm is 1 on the surface.  Outside, a norm s with rate D and an acceleration below A keeps
- * s(t + h) >= s(t) + D h - A h^2 / 2; inside, each flat part and the square of a round one do the same
- * upside down.
+ * A part is round, |q|^2 <= 1 over three axes or two, or flat, +-q_i <= 1.  A spacecraft is inside while
+ * every part holds.  The level of a part is 1 plus the error of the polynomials, so that no motion is inside
+ * unseen.
  */
 #include <math.h>
 
 #include "cff_internal.h"
 
-static double length(const double v[3]) { return sqrt((v[0] * v[0]) + (v[1] * v[1]) + (v[2] * v[2])); }
+/* The axes over which a part is round; 0 for a flat part. */
+uint32_t cfi_round_axes(cff_shape_t shape, uint32_t part)
+{
+    uint32_t axes = 0U;
+    if (shape == CFF_ELLIPSOID) {
+        axes = 3U;
+    } else if ((shape == CFF_CYLINDER) && (part == 0U)) {
+        axes = 2U;
+    } else {
+        /* flat */
+    }
+    return axes;
+}
+
+/* The axis of a flat part, and the sign of its side. */
+static uint32_t flat_axis(cff_shape_t shape, uint32_t part, double *sign)
+{
+    const uint32_t side = (shape == CFF_CYLINDER) ? (part + 3U) : part; /* 4 and 5 for the ends of a cylinder */
+    *sign = ((side % 2U) == 0U) ? 1.0 : -1.0;
+    return (side < 5U) ? (side / 2U) : 2U;
+}
+
+uint32_t cfi_part_count(cff_shape_t shape)
+{
+    uint32_t count = 1U;
+    if (shape == CFF_BOX) {
+        count = 6U;
+    } else if (shape == CFF_CYLINDER) {
+        count = 3U;
+    } else {
+        /* a ball is one part */
+    }
+    return count;
+}
 
 double cfi_norm(cff_shape_t shape, const double r[3])
 {
-    return (shape == CFF_ELLIPSOID) ? length(r) : cfi_max(cfi_max(fabs(r[0]), fabs(r[1])), fabs(r[2]));
+    double norm = 0.0;
+    if (shape == CFF_BOX) {
+        norm = cfi_max(cfi_max(fabs(r[0]), fabs(r[1])), fabs(r[2]));
+    } else if (shape == CFF_CYLINDER) {
+        norm = cfi_max(sqrt((r[0] * r[0]) + (r[1] * r[1])), fabs(r[2]));
+    } else {
+        norm = sqrt(cfi_dot(r, r));
+    }
+    return norm;
 }
 
-/* Rate of the norm, to the right where it has a kink: the greatest of the parts that attain it. */
-double cfi_rate(cff_shape_t shape, const cfi_motion_t *m)
+/* The square of the level of a round part. */
+static double held(const cfi_piece_t *piece, uint32_t axes)
 {
-    const double s = cfi_norm(shape, m->r);
-    double rate = -CFF_FOREVER;
-    if (shape == CFF_ELLIPSOID) {
-        rate = (s > 0.0) ? (cfi_dot(m->r, m->v) / s) : length(m->v);
+    double size = 0.0;
+    for (uint32_t axis = 0U; axis < axes; axis++) {
+        size += piece->off[axis] * piece->off[axis];
+    }
+    const double level = 1.0 + sqrt(size);
+    return level * level;
+}
+
+/* The coefficients of a part less its level, and their number: it holds where they are negative. */
+uint32_t cfi_level(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double f[CFF_SQUARE])
+{
+    const uint32_t axes = cfi_round_axes(shape, part);
+    uint32_t count = CFF_TERMS;
+    if (axes > 0U) {
+        const double level = held(piece, axes);
+        count = CFF_SQUARE;
+        cfi_square(piece->c, axes, f);
+        for (uint32_t k = 0U; k < CFF_SQUARE; k++) {
+            f[k] -= level;
+        }
     } else {
-        for (uint32_t i = 0U; i < 3U; i++) {
-            if (fabs(m->r[i]) >= s) {
-                const double away = (m->r[i] > 0.0) ? m->v[i] : -m->v[i];
-                rate = cfi_max(rate, (s > 0.0) ? away : fabs(m->v[i]));
-            }
+        double sign;
+        const uint32_t axis = flat_axis(shape, part, &sign);
+        for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+            f[k] = (sign * piece->c[axis][k]) - 1.0 - piece->off[axis];
         }
     }
-    return rate;
+    return count;
 }
 
-/* First h > 0 with gap + rate h - curvature h^2 / 2 = 0, without cancellation. */
-static double time_to_level(double gap, double rate, double curvature)
+/* A part less its level and its rate at u, from coordinates: more precise than from coefficients of squares. */
+double cfi_height(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double u, double *rate)
 {
-    const double root = sqrt((rate * rate) + (2.0 * curvature * gap));
-    double h = CFF_FOREVER;
-    if (rate < 0.0) {
-        h = 2.0 * gap / (root - rate);
-    } else if (curvature > 0.0) {
-        h = (rate + root) / curvature;
+    const uint32_t axes = cfi_round_axes(shape, part);
+    double total = 0.0;
+    double slope;
+    *rate = 0.0;
+    if (axes > 0U) {
+        for (uint32_t axis = 0U; axis < axes; axis++) {
+            const double value = cfi_value(piece->c[axis], u, &slope);
+            total += value * value;
+            *rate += 2.0 * value * slope;
+        }
+        total -= held(piece, axes);
     } else {
-        /* it never falls */
+        double sign;
+        const uint32_t axis = flat_axis(shape, part, &sign);
+        total = (sign * cfi_value(piece->c[axis], u, &slope)) - 1.0 - piece->off[axis];
+        *rate = sign * slope;
     }
-    return h;
+    return total;
 }
 
-/* How long the norm certainly conflicts above the target, which it is: the best of the parts above it. */
-double cfi_outside_step(cff_shape_t shape, const cfi_motion_t *m, const cfi_bounds_t *b, double target)
+/* The least and the largest coefficient of an axis. */
+void cfi_hull(const double f[CFF_TERMS], double *least, double *most)
 {
-    double h = 0.0;
-    if (shape == CFF_ELLIPSOID) {
-        const double s = length(m->r);
-        h = time_to_level(s - target, cfi_dot(m->r, m->v) / s, b->acceleration);
-    } else {
-        for (uint32_t i = 0U; i < 3U; i++) {
-            const double s = fabs(m->r[i]);
-            if (s > target) {
-                h = cfi_max(h, time_to_level(s - target, (m->r[i] > 0.0) ? m->v[i] : -m->v[i], b->axis[i]));
-            }
+    *least = f[0];
+    *most = f[0];
+    for (uint32_t k = 1U; k < CFF_TERMS; k++) {
+        *least = cfi_min(*least, f[k]);
+        *most = cfi_max(*most, f[k]);
+    }
+}
+
+/* Whether a plane keeps the whole piece out of a round part: the plane across the nearest point of its chord. */
+static bool beyond_plane(const cfi_piece_t *piece, uint32_t axes)
+{
+    const uint32_t last = CFF_TERMS - 1U;
+    double w[3] = {0.0, 0.0, 0.0};
+    double off = 0.0;
+    double square = 0.0;
+    double along = 0.0;
+    for (uint32_t axis = 0U; axis < axes; axis++) {
+        const double way = piece->c[axis][last] - piece->c[axis][0];
+        square += way * way;
+        along -= way * piece->c[axis][0];
+        off += piece->off[axis];
+    }
+    along = (along > 0.0) ? cfi_min(along / square, 1.0) : 0.0;
+    for (uint32_t axis = 0U; axis < axes; axis++) {
+        w[axis] = piece->c[axis][0] + (along * (piece->c[axis][last] - piece->c[axis][0]));
+    }
+    double least = CFF_FOREVER;
+    for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+        double height = 0.0;
+        for (uint32_t axis = 0U; axis < axes; axis++) {
+            height += w[axis] * piece->c[axis][k];
+        }
+        least = cfi_min(least, height);
+    }
+    return least > (sqrt(cfi_dot(w, w)) * (1.0 + off) * (1.0 + 1e-14));
+}
+
+/* Whether hulls show that the whole piece is outside. */
+bool cfi_excluded(cff_shape_t shape, const cfi_piece_t *piece)
+{
+    bool out = false;
+    for (uint32_t axis = 0U; axis < 3U; axis++) {
+        if (cfi_round_axes(shape, 0U) <= axis) { /* an axis with flat parts */
+            double least;
+            double most;
+            cfi_hull(piece->c[axis], &least, &most);
+            out = out || (cfi_max(least, -most) > (1.0 + piece->off[axis]));
         }
     }
-    return h;
+    return out || ((shape != CFF_BOX) && beyond_plane(piece, cfi_round_axes(shape, 0U)));
 }
 
-/* How long the norm certainly conflicts below the target, which it is: the least of the parts. */
-double cfi_inside_step(cff_shape_t shape, const cfi_motion_t *m, const cfi_bounds_t *b, double target)
+/* A lower bound of the norm over the piece; for a round first part `f` keeps the coefficients of its square. */
+double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF_SQUARE])
 {
-    double h = CFF_FOREVER;
-    if (shape == CFF_ELLIPSOID) {
-        const double gap = (target * target) - cfi_dot(m->r, m->r);
-        h = time_to_level(gap, -2.0 * cfi_dot(m->r, m->v),
-                          2.0 * ((b->speed * b->speed) + (target * b->acceleration)));
-    } else {
-        for (uint32_t i = 0U; i < 3U; i++) {
-            h = cfi_min(h, time_to_level(target - m->r[i], -m->v[i], b->axis[i]));
-            h = cfi_min(h, time_to_level(target + m->r[i], m->v[i], b->axis[i]));
+    const uint32_t axes = cfi_round_axes(shape, 0U);
+    double bound = 0.0;
+    if (axes > 0U) {
+        cfi_square(piece->c, axes, f);
+        double least = f[0];
+        for (uint32_t k = 1U; k < CFF_SQUARE; k++) {
+            least = cfi_min(least, f[k]);
         }
+        bound = sqrt(cfi_max(least, 0.0));
     }
-    return h;
+    for (uint32_t axis = axes; axis < 3U; axis++) {
+        double least;
+        double most;
+        cfi_hull(piece->c[axis], &least, &most);
+        bound = cfi_max(bound, cfi_max(least, -most));
+    }
+    return bound;
 }

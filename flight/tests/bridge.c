@@ -5,7 +5,7 @@
 int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
                          const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix,
                          uint32_t evaluations, double *rows, int64_t capacity, int64_t *evaluations_used, int64_t *status,
-                         int64_t nearest)
+                         int64_t nearest, const cff_table_t *chief)
 {
     cff_zone_t zone;
     int64_t total = 0;
@@ -14,8 +14,8 @@ int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cf
         zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
     }
     for (int64_t p = 0; p < pairs; p++) {
-        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p])};
-        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p])};
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p]), chief};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p]), chief};
         cff_conflict_search_t search;
         cff_conflict_t conflicts[64];
         uint32_t count = 0;
@@ -52,7 +52,8 @@ int64_t bridge_conflicts(const cff_arc_t *arcs, const int64_t *offsets, const cf
 /* Closest approaches over the common time: (time, ratio) for each pair. */
 void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
                        const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix,
-                       uint32_t evaluations, double *out, int64_t *evaluations_used, int64_t *status)
+                       uint32_t evaluations, double *out, int64_t *evaluations_used, int64_t *status,
+                       const cff_table_t *chief)
 {
     cff_zone_t zone;
     zone.shape = (cff_shape_t)shape;
@@ -60,8 +61,8 @@ void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_
         zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
     }
     for (int64_t p = 0; p < pairs; p++) {
-        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p])};
-        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p])};
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p]), chief};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p]), chief};
         const double s1 = one.arcs[0].start_s, s2 = other.arcs[0].start_s;
         const double e1 = one.arcs[one.count - 1].end_s, e2 = other.arcs[other.count - 1].end_s;
         cff_approach_t near;
@@ -72,22 +73,24 @@ void bridge_approaches(const cff_arc_t *arcs, const int64_t *offsets, const cff_
     }
 }
 
-void bridge_transfers(int64_t count, const double *n, const double *start, const double *duration,
+void bridge_transfers(const cff_table_t *chief, int64_t count, const double *n, const double *start, const double *duration,
                       const double *initial, const double *final, cff_arc_t *arcs, double *energy, int64_t *status)
 {
     for (int64_t k = 0; k < count; k++) {
-        status[k] = cff_transfer(n[k], start[k], duration[k], (const cff_state_t *)(initial + 6 * k),
-                                 (const cff_state_t *)(final + 6 * k), &arcs[k]);
+        const cff_path_t path = {&arcs[k], 1, chief};
+        const cff_state_t *a = (const cff_state_t *)(initial + 6 * k), *b = (const cff_state_t *)(final + 6 * k);
+        status[k] = chief ? cff_transfer_beside(chief, start[k], duration[k], a, b, &arcs[k])
+                          : cff_transfer(n[k], start[k], duration[k], a, b, &arcs[k]);
         if (status[k] == CFF_OK) {
-            status[k] = cff_energy(&arcs[k], &energy[k]);
+            status[k] = cff_energy(&path, &energy[k]);
         }
     }
 }
 
-void bridge_states(const cff_arc_t *arcs, int64_t count, const double *times, double *out)
+void bridge_states(const cff_table_t *chief, const cff_arc_t *arcs, int64_t count, const double *times, double *out)
 {
     for (int64_t k = 0; k < count; k++) {
-        const cff_path_t path = {arcs + k, 1};
+        const cff_path_t path = {arcs + k, 1, chief};
         cff_state_t s;
         (void)cff_state_at(&path, times[k], &s);
         for (int i = 0; i < 3; i++) {
@@ -97,45 +100,52 @@ void bridge_states(const cff_arc_t *arcs, int64_t count, const double *times, do
     }
 }
 
-void bridge_locks(const double *legs, int64_t leg_count, double baseline, double cosine, double range, int64_t count,
-                  const double *positions, const double *velocities, uint32_t evaluations, double *times, int64_t *found,
-                  int64_t *evaluations_used, int64_t *status)
+/* Paths around obstacles, `each` of them for each direct arc: (status), (arc count, extra energy, contacts, evaluations). */
+void bridge_avoid(const cff_table_t *chief, const cff_arc_t *direct, const cff_arc_t *obstacles, int64_t each, int64_t count,
+                  const double *matrices, uint32_t evaluations, cff_arc_t *arcs, double *out, int64_t *status)
 {
-    const cff_sensor_t sensor = {baseline, cosine, range};
+    static cff_avoid_work_t work;
     for (int64_t k = 0; k < count; k++) {
-        cff_state_t relative;
-        cff_lock_t lock;
-        for (int i = 0; i < 3; i++) {
-            relative.position_m[i] = positions[3 * k + i];
-            relative.velocity_m_s[i] = velocities[3 * k + i];
+        cff_path_t paths[CFF_MOST_OBSTACLES];
+        cff_zone_t zones[CFF_MOST_OBSTACLES];
+        cff_avoidance_t found;
+        for (int64_t m = 0; m < each; m++) {
+            paths[m] = (cff_path_t){obstacles + k * each + m, 1U, chief};
+            zones[m].shape = CFF_ELLIPSOID;
+            for (int i = 0; i < 9; i++) {
+                zones[m].to_unit_per_m[i / 3][i % 3] = matrices[9 * m + i];
+            }
         }
-        status[k] = cff_first_lock((const cff_leg_t *)legs, (uint32_t)leg_count, &sensor, &relative, 0.0, evaluations, &lock);
-        times[k] = lock.time_s;
-        found[k] = lock.leg;
-        evaluations_used[k] = lock.evaluations_used;
+        status[k] = cff_avoid(direct + k, paths, zones, (uint32_t)each, evaluations, &work, &found);
+        out[4 * k] = status[k] >= 0 ? found.count : 0;
+        out[4 * k + 1] = found.extra_energy_m2_s3;
+        out[4 * k + 2] = found.energy_m2_s3;
+        out[4 * k + 3] = found.evaluations_used;
+        for (uint32_t m = 0; status[k] == CFF_OK && m < found.count; m++) {
+            arcs[9 * k + m] = found.arcs[m];
+        }
     }
 }
 
-int64_t bridge_search(double rate, double tip, double *legs) { return cff_modified_search(rate, tip, (cff_leg_t *)legs); }
-
-/* Paths shaped around one ellipsoid each: status, count of arcs, extra energy, contact; arcs (2 each). */
-void bridge_avoid(const cff_arc_t *direct, const cff_arc_t *obstacles, int64_t count, const double *matrix, uint32_t evaluations,
-                  cff_arc_t *arcs, double *out, int64_t *status)
+/* Verdicts on a loss of thrust: (verdict, failure, time, certified, evaluations) for each pair. */
+void bridge_loss(const cff_table_t *chief, const cff_arc_t *arcs, const int64_t *offsets, const cff_arc_t *others,
+                 const int64_t *other_offsets, int64_t pairs, int64_t shape, const double *matrix, double until,
+                 uint32_t evaluations, double *out, int64_t *status)
 {
     cff_zone_t zone;
-    zone.shape = CFF_ELLIPSOID;
+    zone.shape = (cff_shape_t)shape;
     for (int i = 0; i < 9; i++) {
         zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
     }
-    for (int64_t k = 0; k < count; k++) {
-        const cff_path_t obstacle = {obstacles + k, 1U};
-        cff_avoidance_t found;
-        status[k] = cff_avoid(direct + k, &obstacle, &zone, evaluations, &found);
-        out[4 * k] = found.count;
-        out[4 * k + 1] = found.extra_energy_m2_s3;
-        out[4 * k + 2] = found.contact_s;
-        out[4 * k + 3] = found.evaluations_used;
-        arcs[2 * k] = found.arcs[0];
-        arcs[2 * k + 1] = found.arcs[1];
+    for (int64_t p = 0; p < pairs; p++) {
+        const cff_path_t one = {arcs + offsets[p], (uint32_t)(offsets[p + 1] - offsets[p]), chief};
+        const cff_path_t other = {others + other_offsets[p], (uint32_t)(other_offsets[p + 1] - other_offsets[p]), chief};
+        cff_drift_t found = {CFF_UNDECIDED, 0.0, 0.0, 0.0, 0U};
+        status[p] = cff_loss_of_thrust(&one, &other, &zone, one.arcs[0].start_s, until, evaluations, &found);
+        out[5 * p] = found.verdict;
+        out[5 * p + 1] = found.failure_s;
+        out[5 * p + 2] = found.time_s;
+        out[5 * p + 3] = found.certified_until_s;
+        out[5 * p + 4] = found.evaluations_used;
     }
 }

@@ -1,4 +1,4 @@
-"""The C core against the package: energy-optimal transfers, states, first locks."""
+"""The C core against the package: energy-optimal transfers and states."""
 
 import ctypes
 import sys
@@ -9,7 +9,6 @@ import numpy as np
 import closeform as cf
 from closeform.motion.arc import WIDTH
 from closeform.motion.steering import steer
-from closeform.search.lock_march import first_locks
 
 lib = ctypes.CDLL(sys.argv[1] if len(sys.argv) > 1 else "build/libcff_libm.so")
 COUNT = 20_000
@@ -29,7 +28,18 @@ def transfers():
     initial, final = rng.normal(size=(2, COUNT, 6)) * np.array([100.0] * 3 + [0.1] * 3)
     arcs, energy, status = np.zeros((COUNT, WIDTH)), np.zeros(COUNT), np.zeros(COUNT, dtype=np.int64)
     t0 = time.perf_counter()
-    lib.bridge_transfers(I64(COUNT), ptr(n), ptr(start), ptr(duration), ptr(initial), ptr(final), ptr(arcs), ptr(energy), ptr(status))
+    lib.bridge_transfers(
+        None,
+        I64(COUNT),
+        ptr(n),
+        ptr(start),
+        ptr(duration),
+        ptr(initial),
+        ptr(final),
+        ptr(arcs),
+        ptr(energy),
+        ptr(status),
+    )
     mine = time.perf_counter() - t0
     assert (status == 0).all()
     worst = worst_energy = worst_end = 0.0
@@ -38,7 +48,12 @@ def transfers():
     for value in np.unique(n):
         k = n == value
         theirs = np.zeros((k.sum(), WIDTH))
-        theirs[:, 0], theirs[:, 1], theirs[:, 2], theirs[:, 6:12] = start[k], start[k] + duration[k], value, initial[k]
+        theirs[:, 0], theirs[:, 1], theirs[:, 2], theirs[:, 6:12] = (
+            start[k],
+            start[k] + duration[k],
+            value,
+            initial[k],
+        )
         t0 = time.perf_counter()
         steer(value, theirs, final[k].copy())
         theirs_time += time.perf_counter() - t0
@@ -49,39 +64,14 @@ def transfers():
         worst_energy = max(worst_energy, (np.abs(path.energy - energy[k]) / path.energy).max())
         ends = np.ascontiguousarray(theirs[:, 1])
         out = np.zeros((k.sum(), 6))
-        lib.bridge_states(ptr(np.ascontiguousarray(arcs[k])), I64(k.sum()), ptr(ends), ptr(out))
+        lib.bridge_states(None, ptr(np.ascontiguousarray(arcs[k])), I64(k.sum()), ptr(ends), ptr(out))
         scale = np.abs(final[k]).max(axis=1) + np.abs(initial[k]).max(axis=1)
         worst_end = max(worst_end, (np.abs(out - final[k])[:, :3].max(axis=1) / scale).max())
-    print(f"{COUNT} transfers: bit for bit {bitwise}; worst thrust {worst:.2g} of itself, energy {worst_energy:.2g}, "
-          f"end position {worst_end:.2g} of the size; us each: C {1e6 * mine / COUNT:.2f}, package {1e6 * theirs_time / COUNT:.2f}")
-
-
-def locks(half_angle, offset, longest):
-    rng = np.random.default_rng(4)
-    sensor = cf.Sensor(np.radians(half_angle), offset=offset, range=longest)
-    search = cf.Search.modified(sensor, np.radians(0.25), np.radians(45.0 if half_angle < 60 else 25.0))
-    table = np.ascontiguousarray(search.table)
-    legs = np.zeros((16, 12))
-    assert lib.bridge_search(D(search.slew_rate), D(search.tip_angle), ptr(legs)) == 0
-    off = np.abs(legs - table).max()
-    positions = rng.normal(size=(COUNT, 3)) * 300.0
-    velocities = rng.normal(size=(COUNT, 3)) * rng.choice([0.01, 0.1, 1.0], (COUNT, 1))
-    theirs, leg = np.empty(COUNT), np.empty(COUNT, dtype=np.int64)
-    t0 = time.perf_counter()
-    first_locks(table, positions, velocities, sensor.baseline, sensor.cosine, sensor.range, theirs, leg)
-    python = time.perf_counter() - t0
-    times, found, evaluations, status = np.empty(COUNT), np.zeros(COUNT, dtype=np.int64), np.zeros(COUNT, dtype=np.int64), np.zeros(COUNT, dtype=np.int64)
-    t0 = time.perf_counter()
-    lib.bridge_locks(ptr(table), I64(len(table)), D(sensor.baseline), D(sensor.cosine), D(min(longest, 1e60)), I64(COUNT), ptr(positions), ptr(velocities), U32(100_000), ptr(times), ptr(found), ptr(evaluations), ptr(status))
-    mine = time.perf_counter() - t0
-    assert (status == 0).all()
-    both = (leg >= 0) & (found == leg)
-    print(f"half-angle {half_angle}, offset {offset}, range {longest}: legs of the search off by {off:.2g}; {COUNT} pairs, {(leg >= 0).sum()} lock, "
-          f"legs differ in {(found != leg).sum()}, bit for bit {(theirs == times)[both].sum()}, worst time {np.abs(theirs - times)[both].max():.2g} s; "
-          f"evaluations mean {evaluations.mean():.1f}, 99.9 % {np.percentile(evaluations, 99.9):.0f}, most {evaluations.max()}; us each: C {1e6 * mine / COUNT:.2f}, package {1e6 * python / COUNT:.2f}")
+    print(
+        f"{COUNT} transfers: bit for bit {bitwise}; worst thrust {worst:.2g} of itself, "
+        f"energy {worst_energy:.2g}, end position {worst_end:.2g} of the size; "
+        f"us each: C {1e6 * mine / COUNT:.2f}, package {1e6 * theirs_time / COUNT:.2f}"
+    )
 
 
 transfers()
-locks(70.0, 0.0, np.inf)
-locks(55.0, 7.5, 800.0)
-locks(55.0, 7.5, np.inf)

@@ -1,74 +1,52 @@
-"""Hunts for pairs that take the most evaluations: many at random, then the worst of them perturbed again and again."""
+"""Hunt for pairs within one orbit that take the most evaluations: perturb the worst of many again and again.
 
-import ctypes
+Usage: hunt.py [ROUNDS]
+"""
+
+import sys
 
 import numpy as np
 
 import closeform as cf
+from bridge import approaches, conflicts, library
 
-lib = ctypes.CDLL("../build/libcff_own.so")
-P, I64, U32 = ctypes.c_void_p, ctypes.c_int64, ctypes.c_uint32
+ROUNDS = int(sys.argv[1]) if len(sys.argv) > 1 else 60
 N = 1.1086e-3
-PERIOD = 2 * np.pi / N
-CIRCLE = np.array([0.5, 0.0, np.sqrt(3) / 2, 0.0, -N, 0.0])  # constant distance 1
+SIZE = 400
+ZONES = {"ellipsoid": cf.Sphere(10.0), "box": cf.Box([10.0, 10.0, 10.0]), "cylinder": cf.Cylinder(10.0, 10.0)}
+CIRCLE = np.array([5.0, 0.0, 5.0 * np.sqrt(3.0), 0.0, -2.0 * N * 5.0, 0.0])  # a constant distance of 10 m
 
 
-def ptr(a):
-    return a.ctypes.data_as(P)
-
-
-def evaluations_of(one, other, zone, closest):
-    a, ao = np.ascontiguousarray(one.arcs), np.ascontiguousarray(one.offsets, dtype=np.int64)
-    b, bo = np.ascontiguousarray(other.arcs), np.ascontiguousarray(other.offsets, dtype=np.int64)
-    count = len(ao) - 1
-    shape, matrix, _ = zone.form
-    matrix = np.ascontiguousarray(matrix)
-    evaluations, status = np.zeros((count, 2), dtype=np.int64), np.zeros(count, dtype=np.int64)
-    if closest:
-        near, flat = np.empty((count, 2)), np.zeros(count, dtype=np.int64)
-        lib.bridge_approaches(ptr(a), ptr(ao), ptr(b), ptr(bo), I64(count), I64(shape), ptr(matrix), U32(4_000_000), ptr(near), ptr(flat), ptr(status))
-        return flat
-    rows = np.empty((64 * count, 5))
-    lib.bridge_conflicts.restype = I64
-    lib.bridge_conflicts(ptr(a), ptr(ao), ptr(b), ptr(bo), I64(count), I64(shape), ptr(matrix), U32(4_000_000), ptr(rows), I64(len(rows)), ptr(evaluations), ptr(status), I64(0))
-    return evaluations[:, 0]
-
-
-def make(kind, genes):
-    """Paths of one orbit from genes (C, 12)."""
+def paths(genes, thrusting):
+    """Return paths of one orbit from genes (C, 12) about the circle that slides along the zone."""
     orbit = cf.Orbit(N)
-    begin = genes[:, :6] * np.array([1.0] * 3 + [N] * 3) * 10.0
-    zero = np.zeros((len(genes), 6))
-    if kind == "coast":
-        return orbit.coast(begin, PERIOD), orbit.coast(zero, PERIOD), 3
-    end = genes[:, 6:] * np.array([1.0] * 3 + [N] * 3) * 10.0
-    return orbit.transfer(begin, end, PERIOD), orbit.coast(zero, PERIOD), 7
+    scale = np.array([10.0] * 3 + [10.0 * N] * 3)
+    begin = CIRCLE + genes[:, :6] * scale
+    if thrusting:
+        return orbit.transfer(begin, CIRCLE + genes[:, 6:] * scale, orbit.period)
+    return orbit.coast(begin, orbit.period)
 
 
 def main():
-    rng = np.random.default_rng(9)
-    for kind in ("coast", "transfer"):
-        for zone, label in ((cf.Sphere(10.0), "sphere"), (cf.Ellipsoid([8.0, 10.0, 15.0]), "ellipsoid"), (cf.Box([8.0, 10.0, 12.0]), "box")):
+    """Print the most evaluations for each shape and kind of motion."""
+    lib, rng = library(), np.random.default_rng(2)
+    for name, zone in ZONES.items():
+        for thrusting in (False, True):
             for closest in (False, True):
-                size = 3000
-                genes = rng.normal(size=(size, 12)) * 10.0 ** rng.uniform(-1, 1, (size, 1))
-                genes[: size // 2, 4] = -2 * genes[: size // 2, 0]
-                genes[: size // 3, :6] = CIRCLE / np.array([1, 1, 1, N, N, N]) * (1 + 10.0 ** rng.uniform(-14, -1, (size // 3, 1)))
-                genes[: size // 3, 6:] = genes[: size // 3, :6]
-                best = None
-                for turn in range(40):
-                    one, other, views = make(kind, genes)
-                    evaluations = evaluations_of(one, other, zone, closest)
-                    top = np.argsort(-evaluations)[:30]
-                    if turn == 0:
-                        first = evaluations.max(), np.percentile(evaluations, 99)
-                    if best is None or evaluations[top[0]] > best:
-                        best = evaluations[top[0]]
-                    elite = genes[top].copy()
-                    parents = genes[rng.choice(top, size)]
-                    genes = parents * (1 + rng.choice([0.0, 1.0], (size, 12), p=[0.6, 0.4]) * rng.normal(size=(size, 12)) * 10.0 ** rng.uniform(-14, -0.5, (size, 1)))
-                    genes[:30] = elite
-                print(f"{kind:9s} {label:9s} {'closest' if closest else 'conflicts  '}: 99 % {first[1]:.0f}, most at random {first[0]}, most after the hunt {best} evaluations in one orbit = {best / views:.0f} a view")
+                genes = rng.normal(size=(SIZE, 12)) * rng.choice([1e-12, 1e-8, 1e-4, 1e-2, 1.0], (SIZE, 1))
+                most = 0
+                for _ in range(ROUNDS):
+                    one = paths(genes, thrusting)
+                    other = cf.Orbit(N).coast(np.zeros((SIZE, 6)), one.end)
+                    used = (approaches if closest else conflicts)(lib, one, other, zone)[1]
+                    used = used if closest else used[:, 0]
+                    most = max(most, int(used.max()))
+                    best = genes[np.argsort(used)[-20:]]
+                    step = 10.0 ** rng.uniform(-14.0, 0.0, (SIZE, 1))
+                    genes = best[rng.integers(20, size=SIZE)] + rng.normal(size=(SIZE, 12)) * step
+                    genes[:20] = best
+                what = "closest approach" if closest else "conflicts"
+                print(f"{name}, {'thrust' if thrusting else 'coast'}, {what}: {most} evaluations", flush=True)
 
 
 main()

@@ -73,6 +73,7 @@ _MODULES = {
     "plots": "plots",
     "targets": "planning.targets",
     "requirements": "planning.requirements",
+    "flight": "flight",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

@@ -1,6 +1,6 @@
 """Every public name, and the module it lives in."""
 
-from closeform import plots as plots
+from closeform import flight as flight, plots as plots
 from closeform.plots.results import animate as animate, plot as plot
 from closeform.planning import requirements as requirements
 from closeform.planning import targets as targets

@@ -324,3 +324,24 @@ def compile_kernels() -> int:
 
 
 app.command(export, sort_key=4)
+
+
+@app.command(name="flight-vectors", sort_key=6)
+def flight_vectors(directory: Path, /) -> int:
+    """Write golden vectors for the flight core in C99, made by this package: docs/on_board.md.
+
+    Parameters
+    ----------
+    directory
+        Folder for golden_vectors.h; it is created if need be.
+    """
+    from closeform.flight.vectors import write
+
+    try:
+        file = write(directory)
+    except OSError as error:
+        raise UsageError(
+            f"{directory}: {(error.strerror or str(error)).lower()}; choose another folder"
+        ) from None
+    say(stdout(), f"{file}: golden vectors for flight/tests/golden.c")
+    return CLEAR

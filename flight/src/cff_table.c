@@ -1,0 +1,343 @@
+/*
+ * Motion beside the chief of a table (closeform/motion/chief/segments.py, clock.py; theory 97).
+ *
+ * The columns of a motion are its state (r, v/n), its costate (p/n^2, p'/n^3) and its constant push a/n^2
+ * where a window begins.  In the window position and velocity are polynomials, linear in the columns; the
+ * costate moves as the state of natural motion does, and the optimal thrust is p.
+ */
+#include <math.h>
+#include <stddef.h>
+
+#include "cff_internal.h"
+
+#define COSTATE 6U
+#define PUSH 12U
+#define ON_JOINT 1.0e-14 /* rad: an arc that begins so close before a joint begins with the window after it */
+#define TURN 6.283185307179586
+#define NEWTON_STEPS 30U
+#define FARTHEST_RAD 1.0e5 /* of joints and angles: beyond, the phase loses digits */
+#define NODES 5U
+
+/* Gauss-Legendre nodes and weights of degree 19 on [-1, 1]: the positive half. */
+static const double NODE[NODES] = {0.1488743389816312, 0.4333953941292472, 0.6794095682990244, 0.8650633666889845,
+                                   0.9739065285171717};
+static const double WEIGHT[NODES] = {0.2955242247147529, 0.2692667193099964, 0.2190863625159820, 0.1494513491505806,
+                                     0.0666713443086881};
+
+/* The angle of a time, by Newton's method on Kepler's equation. */
+double cfi_angle(const cff_table_t *chief, double t)
+{
+    const double e = chief->eccentricity;
+    double mean = (chief->rate_rad_s * t) + chief->phase_rad;
+    double angle = mean;
+    if (e != 0.0) {
+        const double turns = TURN * cfi_whole((mean / TURN) + 0.5);
+        bool on = true;
+        mean -= turns;
+        angle = mean + ((mean > 0.0) ? (0.85 * e) : (-0.85 * e));
+        for (uint32_t k = 0U; (k < NEWTON_STEPS) && on; k++) {
+            double sine;
+            double cosine;
+            cfi_sine_cosine(angle, &sine, &cosine);
+            const double step = (angle - (e * sine) - mean) / (1.0 - (e * cosine));
+            angle -= step;
+            on = (fabs(step) > (1e-16 + (2.3e-16 * fabs(angle))));
+        }
+        angle += turns;
+    }
+    return angle;
+}
+
+/* The time of an angle. */
+double cfi_time(const cff_table_t *chief, double angle)
+{
+    double sine = 0.0;
+    double cosine;
+    if (chief->eccentricity != 0.0) {
+        cfi_sine_cosine(angle, &sine, &cosine);
+    }
+    return (angle - (chief->eccentricity * sine) - chief->phase_rad) / chief->rate_rad_s;
+}
+
+/* How many turns of the table lie before an angle. */
+static double turns_before(const cff_table_t *chief, double angle)
+{
+    return (chief->turn_rad > 0.0) ? cfi_whole(((angle + ON_JOINT) - chief->joints_rad[0]) / chief->turn_rad) : 0.0;
+}
+
+/* Whether the table holds motion between two times, and an arc between them is not too long. */
+bool cfi_within_table(const cff_table_t *chief, double from, double to)
+{
+    const double largest = 0.5 * FARTHEST_RAD / chief->rate_rad_s;
+    bool good = (fabs(from) <= largest) && (fabs(to) <= largest) && (from <= to);
+    if (good) {
+        const double first = cfi_angle(chief, from);
+        const double last = cfi_angle(chief, to);
+        if (chief->turn_rad > 0.0) {
+            const double turns = ((last - first) / chief->turn_rad) + 2.0;
+            good = ((turns * (double)chief->windows) <= (double)CFF_MOST_WINDOWS);
+        } else {
+            const double slack = 1e-12 * (fabs(first) + fabs(last) + 1.0);
+            good = (first >= (chief->joints_rad[0] - slack)) && (last <= (chief->joints_rad[chief->windows] + slack));
+        }
+    }
+    return good;
+}
+
+/* Whether the numbers of the clock are in their ranges. */
+bool cfi_clock_is_good(const cff_table_t *chief)
+{
+    return cfi_finite(&chief->rate_rad_s, 1U) && (chief->rate_rad_s > 0.0) && (chief->eccentricity >= 0.0) &&
+           (chief->eccentricity < 1.0) && (fabs(chief->phase_rad) <= FARTHEST_RAD) && (chief->turn_rad >= 0.0) &&
+           (chief->turn_rad <= FARTHEST_RAD) && (chief->windows > 0U) && (chief->windows <= CFF_MOST_WINDOWS);
+}
+
+cff_status_t cff_check_table(const cff_table_t *chief)
+{
+    bool good = cfi_clock_is_good(chief);
+    for (uint32_t k = 0U; good && (k <= chief->windows); k++) {
+        good = (fabs(chief->joints_rad[k]) <= FARTHEST_RAD) &&
+               ((k == 0U) || (chief->joints_rad[k] > (chief->joints_rad[k - 1U] + ON_JOINT)));
+    }
+    if (good && (chief->turn_rad > 0.0)) {
+        const double way = chief->joints_rad[chief->windows] - chief->joints_rad[0];
+        good = (fabs(way - chief->turn_rad) <= (1e-12 * chief->turn_rad));
+    }
+    for (uint32_t k = 0U; good && (k < chief->windows); k++) {
+        good = cfi_finite(&chief->rows[(size_t)k * CFF_COLUMNS * 72U], CFF_COLUMNS * 72U) &&
+               cfi_finite(&chief->steps[(size_t)k * 6U * CFF_COLUMNS], 6U * CFF_COLUMNS) &&
+               cfi_finite(&chief->errors[(size_t)k * CFF_COLUMNS], CFF_COLUMNS);
+        if (good && (chief->returns != NULL) && (chief->return_errors != NULL)) {
+            good = cfi_finite(&chief->returns[(size_t)k * 9U * 72U], 9U * 72U) &&
+                   cfi_finite(&chief->return_errors[(size_t)k * 9U], 9U);
+        }
+    }
+    return good ? CFF_OK : CFF_BAD_INPUT;
+}
+
+/* The coefficients of component i of column j in window k. */
+static const double *row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i)
+{
+    return &chief->rows[((((size_t)k * CFF_COLUMNS) + j) * 72U) + ((size_t)i * CFF_TERMS)];
+}
+
+/* The angle of joint k after so many turns: one number for the end of a turn and the beginning of the next. */
+static double joint(const cff_table_t *chief, uint32_t k, double turns)
+{
+    const bool wraps = (chief->turn_rad > 0.0) && (k == chief->windows);
+    return wraps ? ((chief->turn_rad * (turns + 1.0)) + chief->joints_rad[0])
+                 : ((chief->turn_rad * turns) + chief->joints_rad[k]);
+}
+
+/* How many turns of the table lie before a place. */
+static double turns_at(const cff_table_t *chief, const cff_cursor_t *place)
+{
+    const double way = place->origin_rad - chief->joints_rad[place->window];
+    return (chief->turn_rad > 0.0) ? cfi_whole((way / chief->turn_rad) + 0.5) : 0.0;
+}
+
+double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place)
+{
+    return joint(chief, place->window + 1U, turns_at(chief, place));
+}
+
+/* The place of an angle in a window, in [0, 1]. */
+double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle)
+{
+    const double length = chief->joints_rad[place->window + 1U] - chief->joints_rad[place->window];
+    return cfi_min(cfi_max((angle - place->origin_rad) / length, 0.0), 1.0);
+}
+
+/* Component i of column j at the point of the window with these weights. */
+static double at(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i, const double weights[CFF_TERMS])
+{
+    const double *f = row(chief, k, j, i);
+    double total = 0.0;
+    for (uint32_t b = 0U; b < CFF_TERMS; b++) {
+        total += weights[b] * f[b];
+    }
+    return total;
+}
+
+/* State and costate at u of the window. */
+static void columns_in(const cff_table_t *chief, const cff_cursor_t *place, double u, double out[CFF_COLUMNS])
+{
+    const double *z = place->columns;
+    double weights[CFF_TERMS];
+    cfi_weights(u, weights);
+    for (uint32_t i = 0U; i < CFF_COLUMNS; i++) {
+        out[i] = (i < PUSH) ? 0.0 : z[i];
+    }
+    for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
+        for (uint32_t i = 0U; (i < 6U) && (z[j] != 0.0); i++) {
+            out[i] += z[j] * at(chief, place->window, j, i, weights);
+        }
+    }
+    for (uint32_t j = 0U; j < 6U; j++) {
+        for (uint32_t i = 0U; (i < 6U) && (z[COSTATE + j] != 0.0); i++) {
+            out[COSTATE + i] += z[COSTATE + j] * at(chief, place->window, j, i, weights);
+        }
+    }
+}
+
+void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS])
+{
+    columns_in(chief, place, cfi_share(chief, place, cfi_angle(chief, t)), columns);
+}
+
+/* The transition matrix from the beginning of the window. */
+static void flow(const cff_table_t *chief, uint32_t window, const double weights[CFF_TERMS], double matrix[6][6])
+{
+    for (uint32_t j = 0U; j < 6U; j++) {
+        for (uint32_t i = 0U; i < 6U; i++) {
+            matrix[i][j] = at(chief, window, j, i, weights);
+        }
+    }
+}
+
+/* Replace the columns at u by those at the beginning of the window. */
+bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
+{
+    double weights[CFF_TERMS];
+    double matrix[6][6];
+    double columns[6];
+    double *z = place->columns;
+    cfi_weights(u, weights);
+    flow(chief, place->window, weights, matrix);
+    bool good = true;
+    bool driven = false;
+    for (uint32_t j = COSTATE; j < PUSH; j++) {
+        driven = driven || (z[j] != 0.0);
+    }
+    if (driven) {
+        good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE], columns);
+        flow(chief, place->window, weights, matrix);
+    }
+    for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
+        for (uint32_t i = 0U; (i < 6U) && (z[j] != 0.0); i++) {
+            z[i] -= z[j] * at(chief, place->window, j, i, weights);
+        }
+    }
+    good = cfi_solve(&matrix[0][0], 6U, z, columns) && good;
+    return good;
+}
+
+/* Go on to the next window. */
+void cfi_next_window(const cff_table_t *chief, cff_cursor_t *place)
+{
+    const double *step = &chief->steps[(size_t)place->window * 6U * CFF_COLUMNS];
+    double z[PUSH];
+    for (uint32_t i = 0U; i < 6U; i++) {
+        z[i] = 0.0;
+        z[COSTATE + i] = 0.0;
+        for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
+            z[i] += step[(i * CFF_COLUMNS) + j] * place->columns[j];
+        }
+        for (uint32_t j = 0U; j < 6U; j++) {
+            z[COSTATE + i] += step[(i * CFF_COLUMNS) + j] * place->columns[COSTATE + j];
+        }
+    }
+    for (uint32_t i = 0U; i < PUSH; i++) {
+        place->columns[i] = z[i];
+    }
+    place->origin_rad = cfi_window_end(chief, place);
+    place->window = ((place->window + 1U) < chief->windows) ? (place->window + 1U) : 0U;
+}
+
+/* Whether a window lies after that of a place. */
+static bool window_after(const cff_table_t *chief, const cff_cursor_t *place)
+{
+    return (chief->turn_rad > 0.0) || ((place->window + 1U) < chief->windows);
+}
+
+/* Move a place on to the window that holds time t. */
+void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t)
+{
+    const double angle = cfi_angle(chief, t) + ON_JOINT;
+    bool on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
+    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && on; k++) {
+        cfi_next_window(chief, place);
+        on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
+    }
+}
+
+/* Set a place to where an arc is at time t; false if the table is singular. */
+bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place)
+{
+    const double n = chief->rate_rad_s;
+    const double begin = cfi_angle(chief, arc->start_s);
+    const double turns = turns_before(chief, begin);
+    uint32_t first = 0U;
+    uint32_t last = chief->windows;
+    for (uint32_t k = 0U; (k < 32U) && ((last - first) > 1U); k++) {
+        const uint32_t middle = first + ((last - first) / 2U);
+        if (joint(chief, middle, turns) <= (begin + ON_JOINT)) {
+            first = middle;
+        } else {
+            last = middle;
+        }
+    }
+    place->window = first;
+    place->origin_rad = joint(chief, first, turns);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        place->columns[i] = arc->state.position_m[i];
+        place->columns[3U + i] = arc->state.velocity_m_s[i] / n;
+        place->columns[COSTATE + i] = arc->thrust_m_s2[i] / (n * n);
+        place->columns[COSTATE + 3U + i] = arc->thrust_rate_m_s3[i] / (n * n * n);
+        place->columns[PUSH + i] = arc->push_m_s2[i] / (n * n);
+    }
+    const double u = cfi_share(chief, place, begin);
+    const bool good = (u > 0.0) ? cfi_go_back(chief, place, u) : true;
+    cfi_go_on(chief, place, t);
+    return good;
+}
+
+/* State and thrust at time t of an arc beside the chief. */
+void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi_motion_t *state, cfi_motion_t *primer)
+{
+    const double n = chief->rate_rad_s;
+    cff_cursor_t place;
+    double z[CFF_COLUMNS];
+    (void)cfi_place(chief, arc, t, &place);
+    cfi_columns_at(chief, &place, t, z);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        state->r[i] = z[i];
+        state->v[i] = n * z[3U + i];
+        primer->r[i] = n * n * z[COSTATE + i];
+        primer->v[i] = n * n * n * z[COSTATE + 3U + i];
+    }
+}
+
+/* Half the integral of |primer|^2 along an arc, window by window. */
+double cfi_arc_energy(const cff_table_t *chief, const cff_arc_t *arc)
+{
+    const double n = chief->rate_rad_s;
+    const double last = cfi_angle(chief, arc->end_s);
+    double low = cfi_angle(chief, arc->start_s);
+    double total = 0.0;
+    cff_cursor_t place;
+    (void)cfi_place(chief, arc, arc->start_s, &place);
+    bool on = true;
+    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && on; k++) {
+        const double end = cfi_window_end(chief, &place);
+        const double high = cfi_min(end, last);
+        for (uint32_t m = 0U; m < (2U * NODES); m++) {
+            const double half = 0.5 * (high - low);
+            const double node = ((m % 2U) == 0U) ? NODE[m / 2U] : -NODE[m / 2U];
+            const double angle = (low + half) + (half * node);
+            double z[CFF_COLUMNS];
+            double sine;
+            double cosine;
+            cfi_sine_cosine(angle, &sine, &cosine);
+            columns_in(chief, &place, (angle - place.origin_rad) / (end - place.origin_rad), z);
+            const double pace = (1.0 - (chief->eccentricity * cosine)) / n;
+            total += WEIGHT[m / 2U] * half * pace * cfi_dot(&z[COSTATE], &z[COSTATE]);
+        }
+        low = end;
+        on = (end < last) && window_after(chief, &place);
+        if (on) {
+            cfi_next_window(chief, &place);
+        }
+    }
+    return 0.5 * total * n * n * n * n;
+}

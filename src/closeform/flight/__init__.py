@@ -1,0 +1,20 @@
+"""The flight core, a C99 library for on-board computers, called from Python to compare both.
+
+The functions have the names of those of the package and return the same kinds of results.
+"""
+
+from closeform.flight.library import build
+from closeform.flight.motion import coast, transfer
+from closeform.flight.pairs import avoid, closest_approach, find_conflicts, passively_safe
+from closeform.flight.search import lock_times
+
+__all__ = [
+    "avoid",
+    "build",
+    "closest_approach",
+    "coast",
+    "find_conflicts",
+    "lock_times",
+    "passively_safe",
+    "transfer",
+]
