@@ -6,7 +6,7 @@ the minimum distance from a keep-out zone.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, nan, pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -198,8 +198,8 @@ def zone_distance(mission: "Mission") -> ZoneDistance | None:
     spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # lower bound in any direction
     k = int(np.argmin(spare))
     enlarges = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
-    error = () if (known := mission_error(mission)) is None else known[1:]
-    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), *error, enlarges=enlarges)
+    _, half, most = mission_error(mission) or (None, nan, nan)
+    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), half, most, enlarges)
 
 
 def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:
