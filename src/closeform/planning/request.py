@@ -286,7 +286,7 @@ class Request:
             return costs_alone(*given, self.thrusters, self.names)
         begins, durations = self.initial[:, None], self.durations[:, None]
         costs: Floats = (
-            least_delta_v(self.orbit, begins, finals, durations).lower
+            least_delta_v(self.orbit, begins, finals, durations, start=self.starts[:, None]).lower
             if self.cost == "delta-v"
             else self.orbit.transfer(begins, finals, durations, self.starts[:, None]).energy
         )
@@ -380,9 +380,7 @@ def check_orbit(orbit: Any, method: str, cost: str, errors: Sequence[Any]) -> An
     if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
         return orbit
     refused = {
-        "cost: 'delta-v'": (cost == "delta-v", "set cost 'energy', or use impulsive, which knows no zones"),
         "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
-        "errors": (_any_errors(errors), "omit them, and enlarge the zones by `margin`"),
     }
     for name, (asked, remedy) in refused.items():
         if asked:

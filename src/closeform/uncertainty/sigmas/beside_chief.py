@@ -51,6 +51,10 @@ NARROWEST = 1e-13  # of a window: a piece that counts as an instant
 SAMPLES = 8  # of a window, to begin with a level near the lowest
 DEPTH = 60  # pieces in work
 CLEAR = 1.0 + 1e-12  # norm beyond which a plane is clear, above rounding
+# Norm up to which k sigmas may count as inside: beyond CLEAR, so that a tube that hardly enters is not cut
+# into millions of pieces.
+TOUCHING = 1.0 + 1e-11
+AMID = 1.0 + 5e-12  # between both: the middle of a piece decides which of them is tried
 SHORT = 64.0  # rounding of positions, in units of the last place of the largest coefficient
 WINDOWS, BOUNDS = float64[:, :, :, ::1], float64[:, :, ::1]
 
@@ -163,9 +167,12 @@ def least_of_windows(tube, windows, off, k, first, last, out):
 
 @kernel()
 def holds_inside(tube, window, u, k, columns, lines, low, high, left):
-    """Return True if errors that lead into the zone at u keep positions inside over a whole piece."""
+    """Return True if errors that lead into the zone at u keep positions inside over a whole piece.
+
+    Inside is a norm up to TOUCHING.
+    """
     used, gap = position_inside(tube, place_tube(tube, window, u, columns), k)
-    if not gap < 1.0:
+    if not gap < TOUCHING:
         return False
     share = used / sqrt(tube.along[0]) if tube.along[0] > 0.0 else 0.0
     x, y, z = tube.best[0], tube.best[1], tube.best[2]
@@ -182,7 +189,7 @@ def holds_inside(tube, window, u, k, columns, lines, low, high, left):
         for b in range(TERMS):
             lines[i, b] = left[0, b]
     for b in range(TERMS):
-        if norm(tube.shape, tube.faces, lines[0, b], lines[1, b], lines[2, b]) > 1.0:
+        if norm(tube.shape, tube.faces, lines[0, b], lines[1, b], lines[2, b]) > TOUCHING:
             return False
     return True
 
@@ -203,7 +210,8 @@ def reached(tube, windows, off, k, rows):
         while top >= 0:
             high = ends[top]
             middle = 0.5 * (low + high)
-            apart = place_tube(tube, windows[w], middle, columns) > 1.0 and gap_at_sigmas(tube, k, inf) > 1.0
+            apart = place_tube(tube, windows[w], middle, columns) > 1.0
+            apart = apart and gap_at_sigmas(tube, k, inf) > AMID
             clear = False
             if apart:
                 projected(tube, windows[w], off[w], low, high, lines, left)
