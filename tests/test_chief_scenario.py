@@ -158,7 +158,7 @@ def test_impulses_and_sigmas_are_planned_beside_a_chief():
     )
     mission = planned(text)
     assert mission.verdict.ok, mission.verdict
-    plan = mission.results[0].result
+    plan = mission.results[0].result.plan
     assert plan.cost == "delta-v"
     assert plan.sigmas == 3.0
     assert plan.lower_bound <= plan.delta_v <= 1.3 * plan.lower_bound
