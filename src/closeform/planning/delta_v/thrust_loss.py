@@ -145,8 +145,8 @@ class ImpulseFailures:
         most = max(map(len, moments))
         table = np.array([np.pad(row, (0, most - len(row)), mode="edge") for row in moments])
         self.problem.effort.used += most * len(self.scene.times) * len(self.scene.pairs)
-        rows = self.problem._own_rows(wide)
-        number = find_failures(self.scene, *rows, table, self.unshifted, REACH, self.room, self.norms)
+        motion = self.problem._own_rows(wide)
+        number = find_failures(self.scene, *motion, table, self.unshifted, REACH, self.room, self.norms)
         planes, nearest = self.planes(wide, self.room.first(number), self.norms[:number].copy())
         if self.holding:
             planes = planes.joined(known.some(self.unlike(known, planes)))
