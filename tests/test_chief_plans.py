@@ -218,6 +218,11 @@ def test_an_almost_circular_chief_has_the_plans_of_hill():
         assert all(plan.ok for plan in plans)
         spent = [plan.energy if cost == "energy" else plan.delta_v for plan in plans]
         assert spent[1] == pytest.approx(spent[0], rel=1e-6)
+    line = np.array(
+        [[0, 200 * k, 30 * k, 0, 0, 0] for k in (-1, 0, 1)]
+    )  # all meet at once, under strong thrust
+    plans = [cf.reconfigure(orbit, line, line[::-1], 290.0, cf.Sphere(60.0)) for orbit in (hill, round_one)]
+    assert plans[1].energy == pytest.approx(plans[0].energy, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", [0.3, "J2"])
