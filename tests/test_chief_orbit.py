@@ -222,7 +222,7 @@ def test_what_is_not_supported_is_refused_in_words():
         lambda: orbit.burn(START, END[:3], 1000.0, frame="inertial"),
         lambda: orbit.transfer(START, END, 1e-3),
         lambda: orbit.mean_motion,
-        lambda: cf.avoid(one, other, zone, cost="delta-v"),
+        lambda: cf.avoid(one, other, zone, cost="delta-v", thrusters=cf.Thrusters.rtn()),
         lambda: cf.passively_safe(one, other, zone, 5000.0, cf.MissedBurns()),
         lambda: cf.passively_safe(one, other, zone, 5000.0, failing="both"),
         lambda: cf.passively_safe(one, other, zone, np.inf),
@@ -236,12 +236,11 @@ def test_what_is_not_supported_is_refused_in_words():
             orbit.transfer(START, END, 5000.0), other, zone, cf.Uncertainty(pointing=0.1)
         ),
         lambda: cf.collision_probability(one, other, zone, cf.Uncertainty(noise=1e-9), method="monte-carlo"),
-        lambda: cf.max_clearance(one, other, zone, 1.0, cost="delta-v"),
         lambda: cf.least_delta_v(orbit, START, END, 1000.0, 1e-3),
         lambda: cf.delta_v_bound(orbit, START, END, 1000.0),
         lambda: cf.least_time(orbit, START, END, 1e-3),
         lambda: cf.shortest_transfer(orbit, START, END, 1e-3),
-        lambda: cf.reconfigure(orbit, [START], [END], 1000.0, zone, cost="delta-v"),
+        lambda: cf.avoid(one, other, zone, method="sauter-palmer"),
     ):
         with pytest.raises(ValueError, match=r"[Oo]rbit|circular|too short|revolutions"):
             call()

@@ -23,7 +23,7 @@ JOINT_DELTA_V = (
     "planning.delta_v.dual.impulse_paths planning.delta_v.dual.plane_shortfalls"
 )
 PASSIVE_SAFETY = "safety.failure_search"
-ABOUT_CHIEF = "motion.chief.segments conflicts.beside_chief planning.problem.pieces"
+ABOUT_CHIEF = "motion.chief.segments motion.chief.impulses conflicts.beside_chief planning.problem.pieces"
 PASSIVE_ABOUT_CHIEF = "safety.drift_beside_chief"
 SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
 ERRORS = (
@@ -64,13 +64,13 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
             yield PLANNING
         if plans and cost == "energy":
             yield LEAST_ENERGY
-        if cost == "delta-v":
+        if cost == "delta-v" and hill:
             yield LEAST_DELTA_V
         if plans and cost == "delta-v":
             yield JOINT_DELTA_V
         if getattr(stage, "drift", None) is not None:
             yield PASSIVE_SAFETY if hill else PASSIVE_ABOUT_CHIEF
-            if plans and hill:
+            if plans and (hill or cost == "delta-v"):
                 yield SAFE_PLANS
         if stage.sigmas is not None:
             yield ERRORS

@@ -22,6 +22,9 @@ ROOM = 8, 24  # contacts of a workspace: constant, and for each craft
 CROWDED = 8  # contacts beyond which exact edges are not tried directly
 LARGE = 150  # contacts beyond which convexity is not examined
 PROVEN = 1e-9  # tolerance of the proof
+# Least margin about a chief that is not on a circle: under strong thrust the error bound of its table is up
+# to 1e-8 of a zone, and nearer paths count as conflicts.
+SURE = 1.0 + 1e-7
 AHEAD = np.array([1.0, 0.0, 0.0])  # arbitrary side where two craft meet
 
 
@@ -64,7 +67,7 @@ class LocalSolver:
 
     def __init__(self, problem: Problem, margin: float) -> None:
         self.problem = problem
-        self.margin = margin
+        self.margin = margin if problem.beside is None else max(margin, SURE)
         self.scene = problem.seen
         self._workspace: Workspace | None = None
 
