@@ -211,7 +211,12 @@ class BurnSolver(ImpulseSolver):
         return float(min(FINEST * self.times[i], FINE / n) if n > 0.0 else FINEST * self.times[i])
 
     def following(self, found: Spent) -> list[Moments]:
-        """Return the slots of the next round, cut where burns begin and end."""
+        """Return the slots of the next round, cut where burns begin and end.
+
+        Thrust that alternates between sides of a cone would cut them without end; its slots stay.
+        """
+        if self.requirements.steer:
+            return found.moments
         sizes, following = sizes_of(found.impulses), super().following(found)
         for i, slots in enumerate(found.moments):
             if self.limits[i]:

@@ -363,16 +363,15 @@ class ImpulseSolver:
 
         Thrust is kept out of the cones without thrust, which the bound does not count.
         """
-        found = free = self.priced(fleet, planes, tolerance, bar)
-        if free is None or not self.requirements.steer:
-            return free
+        free = found = self.priced(fleet, planes, tolerance, bar)
         halves = Planes.room(0)
-        for _ in range(TURNS):
+        for _ in range(TURNS if self.requirements.steer else 0):
+            if free is None or found is None:
+                return None
             halves = self.requirements.half_spaces(fleet, found.impulses, halves)
             found = self.priced(fleet, planes, tolerance, bar, halves)
-            if found is None:
-                return None
-        return found._replace(least=free.least)
+            found = found and found._replace(least=free.least)
+        return found
 
     def priced(
         self, fleet: Fleet, planes: Planes, tolerance: float, bar: float, halves: Planes | None = None

@@ -114,20 +114,26 @@ class PathRequirements:
             axes, angles = self.cones(i, own.times, own.widths)
             if self.pushes.fixed[i]:
                 along = self.pushes.along(own.which[None], own.times[None])[0]
-                free &= ((axes * along).sum(axis=-1) <= np.cos(angles)).all(axis=0)
+                free &= (np.arccos(np.clip((axes * along).sum(axis=-1), -1.0, 1.0)) >= angles).all(axis=0)
             free &= (angles < pi / 2.0).all(axis=0)  # no half-space is outside of a wider cone
             found.append(own.some(free))
         return found
 
     def paired(self, moments: Sequence[Moments]) -> list[Moments]:
-        """Return moments with another one beside each, where thrust is kept out of cones."""
+        """Return moments for thrust on two sides of a cone: another one beside each, if thrust is steered.
+
+        Thrusters in fixed directions get times of their own, because two at once add up to one thrust.
+        """
         if not self.steer:
             return list(moments)
         found = []
-        for own, (start, end) in zip(moments, self.problem.base[:, [START, END]], strict=True):
-            apart = PAIRED * (end - start)
-            times = np.where(own.times + apart < end, own.times + apart, own.times - apart)
-            found.append(own.joined(own._replace(times=np.where(own.widths > 0.0, own.times, times))))
+        for i, (own, (start, end)) in enumerate(
+            zip(moments, self.problem.base[:, [START, END]], strict=True)
+        ):
+            fixed, apart = self.pushes.fixed[i], PAIRED * (end - start)
+            later = apart * (own.which / self.pushes.counts[i] if fixed else own.widths == 0.0)
+            times = np.where(own.times + later <= end, own.times + later, own.times - later)
+            found.append(own._replace(times=times).joined(*([] if fixed else [own])))
         return found
 
     @property
@@ -163,7 +169,7 @@ class PathRequirements:
             along = given / np.where(sizes > 0.0, sizes, 1.0)
             share = (axes * along).sum(axis=-1)
             old = np.isin(times, before.moments[before.first == i])
-            held = old | (share > np.cos(angles))
+            held = old | (np.arccos(np.clip(share, -1.0, 1.0)) < angles)
             which, j = np.nonzero(held & np.isfinite(angles) & ~fleet.along[i, :count].any(axis=1))
             axes, angles, planes = axes[which, j], angles[which, j, None], Planes.room(len(j))
             across = along[j] - share[which, j, None] * axes

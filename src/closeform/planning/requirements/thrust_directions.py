@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from math import inf, pi
+from typing import Any
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class ThrustRequirement(Requirement):
         least = self._clearances(path, *self._firings(path), 0.0).min(initial=inf)
         return float(least), np.empty(0), np.empty((0, 6))
 
-    def _firings(self, path: Path) -> tuple[Floats, Floats, Floats]:
+    def _firings(self, path: Path) -> tuple[Floats, Floats, Any]:
         """Return arcs (F, 30) with thrust, the periods (F, 2) to check, and which (F,) are impulses."""
         arcs = of_one_craft(path).arcs
         jumps = arcs[arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)]
@@ -81,7 +82,7 @@ class ThrustRequirement(Requirement):
         impulses = np.arange(len(jumps) + len(burns)) < len(jumps)
         return np.concatenate([jumps, burns]), np.concatenate([jumps[:, [START, START]], periods]), impulses
 
-    def _clearances(self, path: Path, arcs: Floats, spans: Floats, impulses: Floats, share: float) -> Floats:
+    def _clearances(self, path: Path, arcs: Floats, spans: Floats, impulses: Any, share: float) -> Floats:
         """Return angles (F,) [deg] of thrust outside of all cones, in the middle `share` of each period."""
         middle, about = spans.mean(axis=1), 0.5 * share * np.ptp(spans, axis=1)
         states = on_arcs(path, arcs, middle[:, None])[:, 0]
