@@ -32,7 +32,7 @@ from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, si
 from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
-from closeform.planning.loop import ROUNDS, Round, Rounds, run
+from closeform.planning.loop import ROUNDS, SETTLED, Round, Rounds, run
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
@@ -52,6 +52,7 @@ FOCUSING = 8  # maximum rounds with few times
 STEPS = 60  # maximum rounds of short steps to a first plan
 ROUNDING = 1e-12  # of a bound
 BOUNDING = 4  # rounds of the bound of requirements
+SHARED = 1e-3  # of the cost: change that ends rounds with requirements, whose planes alternate below it
 TURNS = 5  # of the half-spaces that keep thrust out of cones; fewer find no thrust between two cones
 PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of primers above 1
 INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
@@ -136,7 +137,8 @@ class ImpulseSolver:
             return (1.0 + state.accuracy if turning else 1.0 - WORTH) * bar
 
         most = ROUNDS if stride == inf or bar < inf else STEPS
-        method = Rounds(self, allowed, most, stride, WIDEST, LAST, FINER)
+        settled = SHARED if self.problem.requirements else SETTLED
+        method = Rounds(self, allowed, most, stride, WIDEST, LAST, FINER, settled)
         found: Spent | None = run(method, Program(contacts, self.grid))
         return found
 
@@ -355,6 +357,8 @@ class ImpulseSolver:
             if found is None:
                 break
             least = max(least, found.least)
+            if found.longest <= 1.0 + SETTLED:
+                break
             moments = list(map(Moments.joined, moments, found.peaks))
         return least
 
