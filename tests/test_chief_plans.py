@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
 
 import closeform as cf
 from chiefs import linear_matrix
@@ -80,46 +81,85 @@ def integrated(orbit, path, pieces):
     return edges, (ends @ begun[:, :, None])[..., 0]
 
 
-def cone_energy(path, client, count=240):
-    """Return the minimum energy of thrust that is constant in intervals, on the path's side of the zone.
+def planes_facing(path, client, times, flows):
+    """Return rows (K, T, 3) and bounds (K,) of planes between path and zone, for pushes at `times`.
 
     The zone is replaced at every instant near it by the half-space beyond the plane that faces the path.
     """
-    orbit, edges = path.orbit, np.linspace(path.start, path.end, count + 1)
-    step = edges[1] - edges[0]
-    flows = transitions(orbit, np.sort(np.concatenate([edges, edges[:-1] + 0.5 * step])))
-    middle = step * np.linalg.inv(flows[1::2])[..., 3:]  # what a unit thrust adds to the state at the start
-    flows = flows[::2]
-    relative = path.state(edges) - client.state(edges)
-    first, last = relative[0], relative[-1]
+    relative = path.state(times) - client.state(times)
+    back = np.linalg.inv(flows)[..., 3:]
     rows, bounds = [], []
+    begun = path.state(path.start) - client.state(path.start)
+    begun[3:] -= sum((jump for time, jump in path.impulses if time == path.start), np.zeros(3))
     for k, place in enumerate(relative[:, :3] / SEMI_AXES):
         size = np.linalg.norm(place)
-        if 0 < k < count and size < 2.0:
-            normal = place / size / SEMI_AXES
-            reached = normal @ flows[k, :3]
-            row = np.zeros((count, 3))
-            row[:k] = np.einsum("i,kij->kj", reached, middle[:k])
-            rows.append(-row.ravel())
-            bounds.append(reached @ first - 1.0)
-    unit = np.sqrt(2.0 * path.energy / (path.end - path.start))  # m/s^2
-    arrived = np.einsum("ij,kjm->ikm", flows[-1], middle).reshape(6, -1)
-    weights = np.repeat([1.0, step], 3) / np.abs(relative).max()
-    left = weights[:, None] * arrived * unit
-    right = weights * (last - flows[-1] @ first)
+        if 0 < k < len(times) - 1 and size < 2.0:
+            reached = place / size / SEMI_AXES @ flows[k, :3]
+            rows.append(np.where(np.arange(len(times))[:, None] < k, reached @ back, 0.0))
+            bounds.append(1.0 - reached @ begun)
+    return np.array(rows), np.array(bounds), begun
+
+
+def solved(cost, quadratic, matrix, bounds, cones):
+    """Return the cost of a cone program."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.eye(3 * count)),
-        np.zeros(3 * count),
-        sparse.csc_matrix(np.concatenate([left, unit * np.array(rows)])),
-        np.concatenate([right, bounds]),
-        [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows))],
-        settings,
-    )
-    solved = solver.solve()
-    assert str(solved.status) == "Solved"
-    return solved.obj_val * step * unit**2
+    matrices = sparse.csc_matrix(quadratic), cost, sparse.csc_matrix(matrix)
+    found = clarabel.DefaultSolver(*matrices, bounds, cones, settings).solve()
+    assert str(found.status) == "Solved"
+    return found.obj_val
+
+
+def cone_energy(path, client, count=240):
+    """Return the minimum energy of thrust that is constant in intervals, on the path's side of the zone."""
+    orbit, edges = path.orbit, np.linspace(path.start, path.end, 2 * count + 1)
+    step = 2.0 * (edges[1] - edges[0])
+    flows = transitions(orbit, edges)
+    rows, bounds, first = planes_facing(path, client, edges, flows)
+    rows = step * rows[:, 1::2]  # a push in an interval acts at its middle
+    last = AHEAD - client.state(path.end)
+    unit = np.sqrt(2.0 * path.energy / (path.end - path.start))  # m/s^2
+    arrived = step * (flows[-1] @ np.linalg.inv(flows[1::2])[..., 3:]).swapaxes(0, 1).reshape(6, -1)
+    weights = np.repeat([1.0, step], 3) / np.abs(last).max()
+    matrix = np.concatenate([weights[:, None] * arrived * unit, -unit * rows.reshape(len(rows), -1)])
+    given = np.concatenate([weights * (last - flows[-1] @ first), -bounds])
+    cones = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows))]
+    return solved(np.zeros(3 * count), np.eye(3 * count), matrix, given, cones) * step * unit**2
+
+
+def cone_delta_v(path, client, count=400):
+    """Return the minimum delta-v of impulses at fixed times, on the path's side of the zone."""
+    orbit, times = path.orbit, np.linspace(path.start, path.end, count + 1)
+    flows = transitions(orbit, times)
+    rows, bounds, first = planes_facing(path, client, times, flows)
+    last = AHEAD - client.state(path.end)
+    arrived = (flows[-1] @ np.linalg.inv(flows)[..., 3:]).swapaxes(0, 1).reshape(6, -1)
+    number, weights = count + 1, np.repeat([1.0, 1000.0], 3) / np.abs(last).max()
+    sizes = np.zeros((len(rows) + 6, number))
+    lines = np.concatenate([weights[:, None] * arrived, -rows.reshape(len(rows), -1)])
+    cone = np.zeros((4 * number, 4 * number))  # (size, impulse) of each time
+    for k in range(number):
+        cone[4 * k, 3 * number + k] = -1.0
+        cone[4 * k + 1 : 4 * k + 4, 3 * k : 3 * k + 3] = -np.eye(3)
+    matrix = np.concatenate([np.hstack([lines, sizes]), cone])
+    given = np.concatenate([weights * (last - flows[-1] @ first), -bounds, np.zeros(4 * number)])
+    cones = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows))]
+    cones += [clarabel.SecondOrderConeT(4)] * number
+    cost = np.repeat([0.0, 1.0], [3 * number, number])
+    return solved(cost, np.zeros((4 * number, 4 * number)), matrix, given, cones)
+
+
+def coasts_with_impulses(path, times):
+    """Return the states (T, 6) under a path's impulses by integrated transition matrices."""
+    every = np.union1d(times, [time for time, _ in path.impulses])
+    flows = transitions(path.orbit, every)
+    begun = path.state(path.start)
+    out = np.repeat(begun[None], len(every), axis=0)
+    for time, jump in path.impulses:
+        k = np.searchsorted(every, time)
+        if k:
+            out[k:] += np.linalg.inv(flows[k])[:, 3:] @ jump
+    return (flows @ out[:, :, None])[np.isin(every, times), :, 0]
 
 
 @pytest.mark.parametrize("kind", [0.1, 0.3, 0.6, "J2"])
@@ -246,14 +286,73 @@ def test_passive_safety_is_verified(kind):
     assert found == {True, False}
 
 
+@pytest.mark.parametrize("kind", [0.1, 0.3, 0.6, "J2"])
+def test_impulses_are_clear_and_of_minimum_delta_v_in_integrated_equations(kind):
+    for share in (0.25, 0.8):
+        direct, client = case(kind, share)
+        large = cf.Ellipsoid(SEMI_AXES)
+        plan = cf.avoid(direct, client, large, cost="delta-v", prove=1.0)
+        assert plan.ok
+        path, times = plan.path, np.linspace(direct.start, direct.end, 2000)
+        states = coasts_with_impulses(path, times)
+        scale = np.abs(states).max(axis=0)
+        assert (np.abs(states - path.state(times)) <= 1e-7 * scale).all()
+        assert np.abs(path.state(path.end) - AHEAD).max() <= 1e-7 * scale.max()
+        ratios = np.linalg.norm((states - client.state(times))[:, :3] / SEMI_AXES, axis=1)
+        assert ratios.min() > 1.0 - 1e-6
+        least = cone_delta_v(path, client)
+        assert plan.delta_v <= 1.001 * least
+        assert plan.lower_bound <= min(plan.delta_v, least) * (1.0 + 1e-6)
+        assert plan.gap <= 0.05
+
+
+def least_sigmas(place, covariance):
+    """Return the number of sigmas between a relative position and the zone: the best of all planes."""
+
+    def level(plane):
+        gap = plane @ place - np.linalg.norm(SEMI_AXES * plane)
+        return -gap / np.sqrt(plane @ covariance @ plane)
+
+    return -minimize(level, place / SEMI_AXES**2 / np.linalg.norm(place / SEMI_AXES), tol=1e-12).fun
+
+
+@pytest.mark.parametrize(("kind", "cost"), [(0.3, "energy"), (0.1, "delta-v"), ("J2", "delta-v")])
+def test_plans_keep_three_sigmas(kind, cost):
+    """Beside covariances by integrated transition matrices."""
+    direct, client = case(kind)
+    state, known = np.diag([4.0, 9.0, 4.0, 4e-6, 4e-6, 4e-6]), np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    execution = {} if cost == "energy" else {"impulse": (0.0, 0.01, 0.0, 0.005)}
+    plan = cf.avoid(
+        direct,
+        client,
+        ZONE,
+        cost=cost,
+        errors=cf.Uncertainty(state, **execution),
+        other_errors=cf.Uncertainty(known),
+    )
+    assert plan.status.name == "AVOIDED"
+    path, times = plan.path, np.linspace(direct.start, direct.end, 400)
+    every = np.union1d(times, [time for time, _ in path.impulses])
+    flows = transitions(path.orbit, every)
+    spread = flows @ (state + known) @ flows.swapaxes(1, 2)
+    for time, jump in path.impulses:
+        ahead = np.outer(jump, jump)
+        kick = 0.01**2 * ahead + 0.005**2 * (jump @ jump * np.eye(3) - ahead)
+        k = np.searchsorted(every, time)
+        after = flows[k:] @ np.linalg.inv(flows[k])[:, 3:]
+        spread[k:] += after @ kick @ after.swapaxes(1, 2)
+    places = (path.state(every) - client.state(every))[:, :3]
+    near = np.linalg.norm(places / SEMI_AXES, axis=1) < 1.6
+    sigmas = [least_sigmas(*one) for one in zip(places[near], spread[near][:, :3, :3], strict=True)]
+    assert 3.0 - 1e-4 < min(sigmas) < 3.05
+    plain = cf.avoid(direct, client, ZONE, cost=cost)
+    spent = [one.energy if cost == "energy" else one.delta_v for one in (plain, plan)]
+    assert spent[0] < spent[1] < 1.3 * spent[0]
+
+
 def test_what_is_not_planned_about_a_chief_is_refused_with_an_alternative():
     direct, client = case(0.1)
-    errors = cf.Uncertainty(np.eye(6) * 1e-4)
-    for options, remedy in (
-        ({"cost": "delta-v"}, "impulsive"),
-        ({"method": "sauter-palmer"}, "omit"),
-        ({"errors": errors}, "margin"),
-    ):
+    for options, remedy in (({"method": "sauter-palmer"}, "omit"),):
         with pytest.raises(ValueError, match=remedy):
             cf.avoid(direct, client, ZONE, **options)
     with pytest.raises(ValueError, match="same orbit"):

@@ -22,7 +22,7 @@ from closeform.motion.chief.table import PUSH as PUSHED
 from closeform.motion.construction.ends import arcs_between
 from closeform.motion.construction.sampling import nodes_of
 from closeform.motion.duration import MOST_TURNS
-from closeform.motion.minimum_delta_v.reduced import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
+from closeform.motion.minimum_delta_v.reduced import ANSWER, COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.path import FORGIVEN, Path, path_of
 from closeform.motion.reference_orbit import ReferenceOrbit
 
@@ -158,37 +158,35 @@ class ChiefOrbit(ReferenceOrbit):
         rows = self._departures(self._arcs(arcs))
         found = np.empty((len(rows), 9))
         for p in range(len(rows)):
-            answer, _ = self._answer(rows[p], finals[p])
-            found[p] = answer[[LOWER, UPPER, UNIQUE, *range(PRIMER, FIRST)]]
+            found[p] = self._answer(rows[p], finals[p])[[LOWER, UPPER, UNIQUE, *range(PRIMER, FIRST)]]
         return arcs.shape[:-1], rows, found
 
     def _least(self, arc: Floats, final: Floats) -> Floats:
         """Return the impulses (K, 4) [s, m/s] of minimum delta-v from an arc's state to a final one."""
-        answer, segments = self._answer(arc, final)
+        answer = self._answer(arc, final)
         if not answer[UPPER] - answer[LOWER] <= PROVEN * answer[UPPER]:
             raise ValueError(
                 f"duration: no plan of impulses about {self.chief} is proven to be within {PROVEN:g} "
                 f"of the minimum, {answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
             )
-        clock = self.chief.table.clock
-        found = answer[FIRST:].reshape(-1, 4)[: int(answer[COUNT])]
-        index = np.minimum(found[:, 0].astype(int), len(segments) - 1)
-        windows = segments[index]
-        first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
-        angles = first + (found[:, 0] - index) * (last - first)
-        times = np.clip(times_at(clock, angles), arc[START], arc[END])
-        times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
-        times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
-        return np.column_stack([times, found[:, 1:]])
+        found = answer[FIRST:].reshape(-1, 4)[: int(answer[COUNT])] + [arc[START], 0.0, 0.0, 0.0]
+        found[:, 0] = np.clip(found[:, 0], arc[START], arc[END])
+        return np.asarray(found)
 
-    def _answer(self, arc: Floats, final: Floats) -> tuple[Floats, Floats]:
-        """Return the answer of `impulses.solve` from an arc's state to a final one in SI, and the segments.
+    def _answers(self, arcs: Floats, finals: Floats) -> Floats:
+        """Return the answers (P, 34) of `_answer` for arcs (P, 30) and final states (P, 6)."""
+        return np.array([self._answer(*both) for both in zip(arcs, finals, strict=True)]).reshape(-1, ANSWER)
 
-        Its primer is that at the arc's start.
+    def _answer(self, arc: Floats, final: Floats) -> Floats:
+        """Return the answer of `impulses.solve` from an arc's state to a final one in SI.
+
+        Its primer is that at the arc's start, and its times are those since then.
         """
         table, rate = self.chief.table, self._rate
         unit = np.array([1.0] * 3 + [rate] * 3)
-        segments, _ = self._segments(arc[None], np.array([0, 1]))
+        coast = arc.copy()
+        coast[STATE + 6 :] = 0.0
+        segments, _ = self._segments(coast[None], np.array([0, 1]))
         rows, whole = np.empty((len(segments), 3, 6, TERMS)), np.empty((6, 6))
         primer_rows(table.form, segments, rows, whole)
         begin = segments[0, kernels.COLUMN : kernels.COLUMN + 6]
@@ -204,7 +202,15 @@ class ChiefOrbit(ReferenceOrbit):
         share = (first - segments[0, kernels.ORIGIN]) / (table.joints[k + 1] - table.joints[k])
         there = np.einsum("b,jib->ij", basis_at(np.array(max(share, 0.0))), table.rows[k, :6])
         answer[PRIMER:FIRST] = unit * (there @ answer[PRIMER:FIRST])
-        return answer, segments
+        impulses = answer[FIRST:].reshape(-1, 4)[: int(answer[COUNT])]
+        index = np.minimum(impulses[:, 0].astype(int), len(segments) - 1)
+        begin, end = segments[:, kernels.FIRST], segments[:, kernels.LAST]
+        angles = begin[index] + (impulses[:, 0] - index) * (end - begin)[index]
+        times = np.clip(times_at(table.clock, angles), arc[START], arc[END])
+        times[angles <= begin[0] + kernels.ON_JOINT] = arc[START]
+        times[angles >= end[-1] - kernels.ON_JOINT] = arc[END]
+        impulses[:, 0] = times - arc[START]
+        return answer
 
     def _fired(self, arc: Floats, final: Floats, impulses: Floats) -> Floats:
         """Return the coasts (M, 30) between impulses (K, 4) from an arc's state to a final one."""
@@ -260,13 +266,12 @@ class ChiefOrbit(ReferenceOrbit):
         kernels.flows(self.chief.table.form, np.ascontiguousarray(spans), flow, response)
         return flow, response
 
-    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
-        """Return times from `begin` to `end`, so many in a revolution and in all: dense near perigee."""
+    def _spaced(self, begin: Any, end: Any, count: int) -> Floats:
+        """Return times (..., count) from `begin` to `end`, dense near perigee."""
         clock = self.chief.table.clock
-        first, last = angles_at(clock, np.array([begin, end]))
-        count = max(fewest, int(np.ceil(per_turn * (last - first) / (2.0 * np.pi))) + 1)
-        times = times_at(clock, np.linspace(first, last, count))
-        times[[0, -1]] = begin, end
+        first, last = angles_at(clock, np.asarray(begin)), angles_at(clock, np.asarray(end))
+        times = times_at(clock, np.linspace(first, last, count, axis=-1))
+        times[..., 0], times[..., -1] = begin, end
         return times
 
     def _noise(self, start: float, times: Floats) -> Floats:

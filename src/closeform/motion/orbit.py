@@ -373,10 +373,19 @@ class Orbit(CircularOrbit, ReferenceOrbit):
         totals(path.arcs, path.offsets, self.mean_motion, what, out)
         return out
 
-    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
-        """Return times from `begin` to `end`, at least so many in a revolution and in all."""
-        turns = (end - begin) / self.period if self.mean_motion else 1.0
-        return np.linspace(begin, end, max(fewest, int(np.ceil(per_turn * turns)) + 1))
+    def _spaced(self, begin: Any, end: Any, count: int) -> Floats:
+        """Return equally spaced times (..., count) from `begin` to `end`."""
+        return np.linspace(begin, end, count, axis=-1)
+
+    def _answers(self, arcs: Floats, finals: Floats) -> Floats:
+        """Return the answers (P, 34) of `impulses.answers` for arcs (P, 30) and final states (P, 6)."""
+        from closeform.motion.minimum_delta_v.impulses import answers  # only what needs impulses compiles it
+
+        return answers(self.mean_motion, arcs, finals)
+
+    def _skew(self, time: float) -> Floats:
+        """Return W (3, 3) in units of the mean motion, as `Table.skew`."""
+        return np.array([[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
     def _flow(self, arcs: Floats) -> Floats:
         """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""

@@ -339,6 +339,14 @@ class ReferenceOrbit(ABC):
     def _through(self, times: ArrayLike, states: ArrayLike) -> Path:
         """Return the path through samples."""
 
+    @abstractmethod
+    def _spaced(self, begin: Any, end: Any, count: int) -> Floats: ...
+
+    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
+        """Return times from `begin` to `end`, at least so many in a revolution and in all."""
+        turns = self._rate * (end - begin) / (2.0 * np.pi) if self._rate else 1.0
+        return self._spaced(begin, end, max(fewest, int(np.ceil(per_turn * turns)) + 1))
+
     def _path(self, arcs: Any) -> Path:
         rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
         return path_of(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])

@@ -35,6 +35,7 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
+from closeform.planning.requirements import NoThrust
 from closeform.planning.requirements.requirement import Requirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
@@ -134,7 +135,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(check_orbit(orbit, method, cost, (errors,)), obstacles)
+        batch = obstacle_batch(check_orbit(orbit, method, thrusters, requirements), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (
@@ -219,7 +220,7 @@ class Request:
             instance("thrusters", thrusters, Thrusters)
             if max_acceleration is not None:
                 raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
-        batch = obstacle_batch(check_orbit(path.orbit, method, cost, (errors, other_errors)), obstacles)
+        batch = obstacle_batch(check_orbit(path.orbit, method, thrusters, requirements), obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
         limits = None
@@ -286,7 +287,7 @@ class Request:
             return costs_alone(*given, self.thrusters, self.names)
         begins, durations = self.initial[:, None], self.durations[:, None]
         costs: Floats = (
-            least_delta_v(self.orbit, begins, finals, durations).lower
+            least_delta_v(self.orbit, begins, finals, durations, start=self.starts[:, None]).lower
             if self.cost == "delta-v"
             else self.orbit.transfer(begins, finals, durations, self.starts[:, None]).energy
         )
@@ -375,14 +376,16 @@ class Request:
         return replace(later, initial=(ahead @ self.initial[:, :, None])[..., 0]).cheapest()
 
 
-def check_orbit(orbit: Any, method: str, cost: str, errors: Sequence[Any]) -> Any:
+def check_orbit(orbit: Any, method: str, thrusters: Any, requirements: Any) -> Any:
     """Return an orbit in which a plan is supported; raise ValueError with the alternative otherwise."""
     if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
         return orbit
+    sets = any(own is not None for own in _as_tuple(thrusters))
+    others = any(not isinstance(one, NoThrust) for own in _as_tuple(requirements) for one in _as_tuple(own))
     refused = {
-        "cost: 'delta-v'": (cost == "delta-v", "set cost 'energy', or use impulsive, which knows no zones"),
         "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
-        "errors": (_any_errors(errors), "omit them, and enlarge the zones by `margin`"),
+        "thrusters": (sets, "omit them, or give max_acceleration"),
+        "requirements": (others, "omit them, or give NoThrust alone"),
     }
     for name, (asked, remedy) in refused.items():
         if asked:

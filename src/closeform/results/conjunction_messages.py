@@ -50,6 +50,8 @@ def messages(source: Source) -> Iterator[Message]:
     scenario = source.scenario
     if scenario is None:
         raise ValueError("cdm: paths have no keep-out zones and covariances; export a run")
+    if source.beside:
+        raise ValueError(f"cdm: from Hill's equations only, not from {source.beside}; export an oem")
     known = {craft.name: craft.errors for craft in scenario.craft}
     found = [
         (stage, when, flight, met)

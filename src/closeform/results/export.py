@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
 
-from closeform.arrays import instance, number, sequence, shown
+from closeform.arrays import Floats, instance, number, sequence, shown
 from closeform.exchange.ccsds.aem import aem
 from closeform.exchange.ccsds.ocm import ocm
 from closeform.exchange.ccsds.oem_opm_text import oem, oem_xml, opm
@@ -22,6 +22,7 @@ from closeform.exchange.formats.czml import czml
 from closeform.exchange.formats.states_csv import csv_text
 from closeform.exchange.formats.stk import SYSTEMS, stk
 from closeform.mission.mission_result import Mission
+from closeform.motion.elements.frames import inertial_from_relative
 from closeform.motion.path import Path
 from closeform.results.export_source import Source, source_of
 from closeform.results.load import LoadedRun
@@ -163,10 +164,12 @@ def file_frame(source: Source, to: str, asked: str | None) -> FileFrame:
     if wanted == ROTATING:
         if to in INERTIAL_ONLY:
             raise ValueError(f"frame: {to} holds inertial states; leave the frame out")
+        hill = f"Hill's equations with a mean motion of {source.mean_motion:.15e} rad/s"
         turning = (
             f"{ROTATING}: x radial outward, y along-track, z cross-track about the formation's origin;",
-            "y and z are arc lengths, velocities are relative to the rotating axes;",
-            f"Hill's equations with a mean motion of {source.mean_motion:.15e} rad/s",
+            f"y and z are {'straight' if source.beside else 'arc lengths'}, velocities are relative to the "
+            "rotating axes;",
+            source.beside or hill,
         )
         return FileFrame(ROTATING, ORIGIN, epoch, None, turning)
     if chief is None:
@@ -175,11 +178,28 @@ def file_frame(source: Source, to: str, asked: str | None) -> FileFrame:
     if wanted is not None and wanted.upper() != chief.frame.upper():
         raise ValueError(f"frame: {asked} is not the chief's frame; use {chief.frame} or {ROTATING}")
     refuse_unknown(to, chief)
+    if source.beside:
+        about = (f"a plan from {source.beside}, mapped exactly to inertial states",)
+        return FileFrame(chief.frame, chief.center, epoch, chief, about, turning_with(source, chief))
     mapped = (
         "a plan from Hill's equations relative to the chief's orbit, mapped exactly to inertial states;",
         "oblateness and drag act on the chief's orbit alone, if at all",
     )
     return FileFrame(chief.frame, chief.center, epoch, chief, mapped)
+
+
+def turning_with(source: Source, chief: Chief) -> Callable[[Floats, Floats], Floats]:
+    """Return the map to inertial states from the frame that turns with a scenario's chief in its model."""
+    from closeform.dynamics.force_model.field import Field  # only these runs need it
+
+    assert source.scenario is not None
+    field = Field(chief, 2 if source.scenario.orbit.model == "j2" else 0)
+
+    def mapped(times: Floats, relative: Floats) -> Floats:
+        states, acceleration = field._chief_at(times)
+        return inertial_from_relative(states, relative, acceleration=acceleration)
+
+    return mapped
 
 
 def refuse_unknown(to: str, chief: Chief) -> None:

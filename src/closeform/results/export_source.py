@@ -53,6 +53,7 @@ class Source:
     remedy: str
     results: Sequence[Any] = ()
     scenario: Scenario | None = None
+    beside: str = ""  # model of a chief that is not on a circle
 
     @property
     def designators(self) -> Mapping[str, str]:
@@ -113,10 +114,10 @@ def flown_turns(own: ExecutedTurns, k: int, last: float) -> list[tuple[Floats, F
 
 def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Sequence[str] | None) -> Source:
     """Return the source of an export. Raises ValueError for a chief or names that do not fit."""
-    if isinstance(result.orbit, ChiefOrbit):
+    if isinstance(result.orbit, ChiefOrbit) and (isinstance(result, Path) or chief is not None):
         raise ValueError(
-            f"result: exported from Hill's equations only, not from {result.orbit._model}; read arcs.parquet "
-            "of the result folder, or Path.state"
+            f"result: about {result.orbit.chief} the run of a scenario is exported, with its own chief, not "
+            "paths; write a scenario, or read Path.state"
         )
     if isinstance(result, Path):
         return checked(of_paths(result, chief, names))
@@ -137,19 +138,20 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
         Source(
             scenario.title,
             craft,
-            result.orbit.mean_motion,
+            result.orbit._rate,
             found,
             scenario.epoch if found is None else found.instant,
             FILE_REMEDY,
             tuple(result.results),
             scenario,
+            result.orbit._model if isinstance(result.orbit, ChiefOrbit) else "",
         )
     )
 
 
 def checked(source: Source) -> Source:
     """Return the source after a check that the chief's mean motion is that of the paths."""
-    if source.chief is not None and source.mean_motion > 0.0:
+    if source.chief is not None and source.mean_motion > 0.0 and not source.beside:
         theirs = source.chief.orbit.mean_motion
         if abs(theirs / source.mean_motion - 1.0) > SAME_ORBIT:
             what = f"has a mean motion of {theirs:.9g} rad/s, the paths {source.mean_motion:.9g} rad/s"

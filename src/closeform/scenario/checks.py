@@ -373,10 +373,14 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
                 yield f"{place}.{key}: a relative orbit {only}; give position and velocity"
         if getattr(stage, "follow", ()):
             yield f"{place}.follow: {only}; give burns"
-        if isinstance(stage, Avoid | Joint) and stage.sigmas is not None and scenario.uncertain:
-            yield f"{place}.sigmas: plans at k sigma {only}; remove it, and give a margin"
-        if isinstance(stage, Avoid | Joint) and stage.cost == "delta-v":
-            yield f'{place}.cost: "delta-v" with zones {only}; write cost = "energy", or use transfer'
+        if isinstance(stage, Avoid) and (stage.corridor or stage.speed_limit or stage.waypoints):
+            yield f"{place}: corridor, speed_limit and waypoints {only}; remove them"
+        if (
+            isinstance(stage, Avoid | Joint)
+            and stage.cost == "delta-v"
+            and any(one.thrusters is not None for one in scenario.craft_in(stage))
+        ):
+            yield f'{place}.cost: "delta-v" with thrusters {only}; give acceleration, or cost = "energy"'
         if isinstance(stage, Avoid) and not stage.is_exact:
             yield f'{place}.method: "{stage.method}" {only}; remove it'
         if isinstance(stage, Drifting) and (stage.for_ever or stage.what_fails != ThrustLost()):

@@ -96,7 +96,7 @@ def sampled_piece(
     found = Piece(times, frame.states(times, relative), frame.vectors(times, relative, thrust))
     if not spread:
         return found
-    some = sparse(times, piece.orbit.mean_motion)
+    some = sparse(times, piece.orbit._rate)
     known = times[some]
     matrices = frame.covariances(known, relative[some], covariances(spread, known))
     return replace(found, known=known, covariances=matrices)
@@ -155,7 +155,7 @@ def integral(path: Path, start: float, duration: float, frame: FileFrame) -> Flo
     edges = np.concatenate([[start], inside, [start + duration]])
     found = np.zeros(3)
     for first, last in zip(edges[:-1], edges[1:], strict=True):
-        count = int(np.ceil(path.orbit.mean_motion * (last - first) / TURN)) or 1
+        count = int(np.ceil(path.orbit._rate * (last - first) / TURN)) or 1
         half = 0.5 * (last - first) / count
         times = (first + half * (2.0 * np.arange(count)[:, None] + 1.0 + NODES)).ravel()
         thrust = frame.vectors(times, rows(path, times), rows(path, times, 3))

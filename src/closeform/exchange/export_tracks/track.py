@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,8 +21,9 @@ LARGE = 1e3  # m/s: size to which a vector is scaled before it is rotated as a v
 class FileFrame:
     """Frame of a file: its axes, `center`, and the `epoch` of time 0.
 
-    Paths are in the Hill frame of the `chief`, or already in the axes of the file if it is None. `about`
-    contains comments for readers.
+    Paths are in the frame of the `chief`, or already in the axes of the file if it is None. `mapped` returns
+    inertial states for times and states in a frame that turns with the chief; without it, the frame is Hill's
+    with arcs. `about` contains comments for readers.
     """
 
     name: str
@@ -30,6 +31,7 @@ class FileFrame:
     epoch: Epoch
     chief: Chief | None
     about: tuple[str, ...] = ()
+    mapped: Callable[[Floats, Floats], Floats] | None = None
     _stamps: dict[bytes, list[str]] = field(default_factory=dict, repr=False)
 
     def stamps(self, times: Floats) -> list[str]:
@@ -45,7 +47,9 @@ class FileFrame:
 
     def states(self, times: Floats, relative: Floats) -> Floats:
         """Return states (T, 6) along the file's axes, from those of the paths."""
-        return relative if self.chief is None else self.chief.inertial_from_relative(times, relative)
+        if self.chief is None:
+            return relative
+        return (self.mapped or self.chief.inertial_from_relative)(times, relative)
 
     def vectors(self, times: Floats, relative: Floats, vectors: Floats) -> Floats:
         """Return thrusts or velocity changes (T, 3) along the file's axes, for states `relative` (T, 6)."""

@@ -86,7 +86,7 @@ def bend_at(scene, t, y, out, rates):
 
 @kernel(void(TABLE, float64[:, ::1], float64[:, :, :, ::1], float64[:, ::1]))
 def primer_rows(table, segments, rows, whole):
-    """Fill `rows` (W, 3, 6, 12) with those of the transition matrix from where the first window begins.
+    """Fill `rows` (W, 3 or 6, 6, 12) with those of the transition matrix from where the first window begins.
 
     `segments` (W, 21) are those of one coast; `whole` (6, 6) receives the matrix at its end.
     """
@@ -102,7 +102,7 @@ def primer_rows(table, segments, rows, whole):
             share(joints, k, row[ORIGIN], row[FIRST_ANGLE]),
             share(joints, k, row[ORIGIN], row[LAST_ANGLE]),
         )
-        for axis in range(3):
+        for axis in range(rows.shape[1]):
             for i in range(6):
                 for b in range(TERMS):
                     total = 0.0
@@ -200,54 +200,75 @@ def note(places, squares, count, place, square):
 
 
 @kernel()
+def primer_in(rows, c, p):
+    """Fill `p` (3, 12) with the primer of `c` (6,) in a window of `rows` (at least 3, 6, 12)."""
+    for axis in range(3):
+        for b in range(TERMS):
+            total = 0.0
+            for i in range(6):
+                total += rows[axis, i, b] * c[i]
+            p[axis, b] = total
+
+
+@kernel()
+def window_maxima(w, floor, rises, work, places, squares, count):
+    """Add the local maxima from `floor` on of a polynomial in window w, but for its end.
+
+    The polynomial is the first of the stack in `work`.  Its begin is a maximum where it falls from there and
+    `rises` before.  Returns the number of maxima, a bound over the window, at least `floor`, the value at the
+    end, and if it rises there.
+    """
+    stack, ends, slopes = work
+    top, begin = 0, 0.0
+    ends[0] = 1.0
+    first, last = stack[0, 0], stack[0, SQUARE - 1]
+    most = max(floor, first, last)
+    if first >= floor and stack[0, 1] <= first and rises:
+        count = note(places, squares, count, w + 0.0, first)
+    rose = last >= stack[0, SQUARE - 2]
+    while top >= 0:
+        f, end = stack[top], ends[top]
+        peak = 0.0
+        for j in range(SQUARE):
+            peak = max(peak, f[j])
+        if peak < floor:
+            begin = end
+            top -= 1
+            continue
+        for j in range(SQUARE - 1):
+            slopes[j] = f[j + 1] - f[j]
+        turns = changes(slopes, SQUARE - 1)
+        flat = peak - min(f[0], f[SQUARE - 1]) <= 1e-13 * peak
+        if turns > 1 and not flat and end - begin > NARROWEST and top + 1 < DEPTH:
+            cut(f, SQUARE, 0.5, stack[top + 1])
+            ends[top + 1] = 0.5 * (begin + end)
+            top += 1
+            continue
+        if turns > 1:
+            count = note(places, squares, count, w + 0.5 * (begin + end), peak)
+            most = max(most, peak)
+        elif turns == 1 and (slopes[0] > 0.0 or (slopes[0] == 0.0 and slopes[1] > 0.0)):
+            u, square = highest_in(f, slopes)
+            if square >= floor:
+                count = note(places, squares, count, w + begin + u * (end - begin), square)
+            most = max(most, square)
+        begin = end
+        top -= 1
+    return count, most, last, rose
+
+
+@kernel()
 def maxima(scene, y, places, squares):
     """Fill in the local maxima of |p|^2 from TOUCHING^2 on; return how many, and a bound over all times."""
     rows, _, c, stack, ends, slopes = scene
+    work = stack, ends, slopes
     floor, count = TOUCHING * TOUCHING, 0
-    most, last, rose = floor, 0.0, False
+    most, last, rose = floor, 0.0, True
     for w in range(len(rows)):
-        for axis in range(3):
-            for b in range(TERMS):
-                total = 0.0
-                for i in range(6):
-                    total += rows[w, axis, i, b] * y[i]
-                c[axis, b] = total
+        primer_in(rows[w], y, c)
         squared(c, stack[0])
-        top, begin = 0, 0.0
-        ends[0] = 1.0
-        first, last = stack[0, 0], stack[0, SQUARE - 1]
-        most = max(most, first, last)
-        if first >= floor and stack[0, 1] <= first and (w == 0 or rose):
-            count = note(places, squares, count, w + 0.0, first)
-        rose = last >= stack[0, SQUARE - 2]
-        while top >= 0:
-            f, end = stack[top], ends[top]
-            peak = 0.0
-            for j in range(SQUARE):
-                peak = max(peak, f[j])
-            if peak < floor:
-                begin = end
-                top -= 1
-                continue
-            for j in range(SQUARE - 1):
-                slopes[j] = f[j + 1] - f[j]
-            turns = changes(slopes, SQUARE - 1)
-            flat = peak - min(f[0], f[SQUARE - 1]) <= 1e-13 * peak
-            if turns > 1 and not flat and end - begin > NARROWEST and top + 1 < DEPTH:
-                cut(f, SQUARE, 0.5, stack[top + 1])
-                ends[top + 1] = 0.5 * (begin + end)
-                top += 1
-                continue
-            if turns > 1:
-                count = note(places, squares, count, w + 0.5 * (begin + end), peak)
-                most = max(most, peak)
-            elif turns == 1 and (slopes[0] > 0.0 or (slopes[0] == 0.0 and slopes[1] > 0.0)):
-                u, square = highest_in(f, slopes)
-                if square >= floor:
-                    count = note(places, squares, count, w + begin + u * (end - begin), square)
-                most = max(most, square)
-            begin = end
-            top -= 1
+        count, high, last, rose = window_maxima(w, floor, rose, work, places, squares, count)
+        most = max(most, high)
     if last >= floor and rose:
         count = note(places, squares, count, len(rows) + 0.0, last)
     return count, most

@@ -20,7 +20,7 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.minimum_delta_v.impulse_arcs import flown_arcs
 from closeform.motion.minimum_delta_v.reduced import LOWER
-from closeform.motion.minimum_delta_v.saturated import BOUND
+from closeform.motion.minimum_delta_v.saturated import BOUND, NEEDED, UNDECIDED
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust, limited
 from closeform.motion.path import Path
 from closeform.planning.delta_v.checks import Failures, Spent
@@ -74,9 +74,9 @@ class BurnSolver(ImpulseSolver):
         self.enough = inf  # smallest factor of the limits with which safe burns were found
         spans = problem.base[:, [START, END]]
         self.times = np.ptp(spans, axis=1)
-        turns = problem.orbit.mean_motion * self.times / (2.0 * pi)
+        turns = problem.orbit._rate * self.times / (2.0 * pi)
         self.edges = [
-            np.linspace(start, end, SLOTS + ceil(A_TURN * own) + 1)
+            problem.orbit._spaced(start, end, SLOTS + ceil(A_TURN * own) + 1)
             for (start, end), own in zip(spans, turns, strict=True)
         ]
         slots = map(Moments.slots, self.edges)
@@ -91,9 +91,16 @@ class BurnSolver(ImpulseSolver):
         thrusters cannot perform its transfer.
         """
         problem, paths, least = self.problem, [], 0.0
+        if problem.beside is not None:  # switching burns without slots are known for Hill's equations only
+            alone = self.alone()
+            if alone is None:
+                words = "no burns within the thrust limit were found; raise it, or allow more time"
+                raise TooLittleThrust(words, int(self.limits.argmax()), np.full(NEEDED + 1, UNDECIDED))
+            return alone
         for i, limit in enumerate(self.limits):
-            task = problem.orbit.mean_motion, problem.base[i : i + 1], self.finals[i : i + 1]
-            found = answers_alone(*task, self.thrusters[i : i + 1], self.names[i : i + 1])
+            ends = problem.base[i : i + 1], self.finals[i : i + 1]
+            own = self.thrusters[i : i + 1], self.names[i : i + 1]
+            found, task = answers_alone(problem.orbit, *ends, *own), (problem.orbit.mean_motion, *ends)
             if limit:
                 try:
                     arcs, _, _, facts = limited(*task, limit, sparing=True)
@@ -207,7 +214,7 @@ class BurnSolver(ImpulseSolver):
 
     def fine(self, i: int) -> float:
         """Return the maximum duration [s] of slots in which a craft burns."""
-        n = self.problem.orbit.mean_motion
+        n = self.problem.orbit._rate
         return float(min(FINEST * self.times[i], FINE / n) if n > 0.0 else FINEST * self.times[i])
 
     def following(self, found: Spent) -> list[Moments]:

@@ -63,7 +63,8 @@ class DeltaVProof:
         self.nodes = 0
         self.least = inf  # bound of the nodes that cannot be opened
         base, counts = solver.problem.base, solver.pushes.counts
-        times = np.linspace(base[:, START], base[:, END], FINER * len(solver.grid[0].times), axis=1)
+        fine = FINER * len(solver.grid[0].times)
+        times = solver.problem.orbit._spaced(base[:, START], base[:, END], fine)
         self.finer = solver.requirements.allowed(list(map(Moments.every, times, counts)))
         self.examine(Contacts.none(), (), 0.0)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, START, THRUST, WIDTH
+from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
 from closeform.motion.minimum_delta_v.nonnegative import MOST
 from closeform.motion.minimum_delta_v.reduced import COUNT, LOWER
 from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
@@ -84,15 +84,15 @@ class ImpulseSolver:
         failures: Failures | None = None,
     ) -> None:
         self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
-        self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
+        self.pushes = Pushes.of(thrusters, problem.orbit._rate)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
         self.needed = inf  # factor of these limits that is proven necessary
         self.least = AIM  # of a zone: minimum distance of planes
         self.closest = Closest()
         self.requirements = PathRequirements(problem, self.pushes)
         base = problem.base
-        turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
-        times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
+        turns = problem.orbit._rate * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
+        times = problem.orbit._spaced(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns))
         grid = self.requirements.paired(list(map(Moments.every, times, self.pushes.counts)))
         self.grid = self.requirements.allowed(grid)
         arcs, offsets = problem.direct
@@ -100,10 +100,23 @@ class ImpulseSolver:
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
         drift = arcs.copy()
         drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
-        self.drift = drift, offsets[: problem.count + 1]  # coasting craft
+        self.drift = problem._own_rows((drift, offsets))  # coasting craft
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
         self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # controllable times
         self.span = np.array([problem.first, problem.arrival])
+        self.motion, self.gains = self.natural_motion()
+
+    def natural_motion(self) -> tuple[tuple[Floats, Floats, Floats, Floats], Floats]:
+        """Return natural motion for a `Fleet`, and the gains (N, 6) of the craft's changes of state."""
+        problem, orbit, base = self.problem, self.problem.orbit, self.problem.base
+        scene, form = problem.bare, orbit._rate * orbit._skew(problem.first)
+        begins, ends = base[:, START], base[:, END]
+        arrived = orbit.transition(problem.first - ends, ends) @ self.finals[:, :, None]
+        begun = orbit.transition(problem.first - begins, begins) @ base[:, STATE : STATE + 6, None]
+        change = (arrived - begun)[..., 0]
+        moved = change[:, :3]
+        gains = np.concatenate([change[:, 3:] + moved @ form.T, -moved], axis=1)  # theory (27)
+        return (scene.clock, scene.joints, scene.flows, form), gains
 
     def unconstrained(self) -> Spent:
         """Return the minimum delta-v of each craft alone, without keep-out zones.
@@ -111,7 +124,7 @@ class ImpulseSolver:
         Raises ValueError for a craft whose thrusters cannot perform its transfer.
         """
         base = self.problem.base
-        given = self.problem.orbit.mean_motion, base, self.finals, self.thrusters, self.names
+        given = self.problem.orbit, base, self.finals, self.thrusters, self.names
         found = answers_alone(*given)
         tables = [row[FIRED_FROM:].reshape(-1, 4)[: int(row[COUNT])] for row in found]
         times, impulses = np.zeros((len(base), MOST)), np.zeros((len(base), MOST, 3))
@@ -216,7 +229,7 @@ class ImpulseSolver:
         dearer = SAFER if self.problem.requirements else 1.0 + FEWER
         base, most = self.problem.base, dearer * best.delta_v
         sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
-        rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
+        rates = np.maximum(self.problem.orbit._rate, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
         steps = steps_to_fewer(fired, sizes, rates, most - best.delta_v)
         kept, low, high, middle = best, 0, len(steps), len(steps)
@@ -405,8 +418,8 @@ class ImpulseSolver:
         if self.limits.any():
             most = np.where(widths > 0.0, INSIDE * self.limits[:, None] * widths, inf)
         along = self.pushes.along(which, times)
-        given = self.problem.bare.base, self.finals, times, along, widths, most, counts, self.span
-        return Fleet(*given, *self.pushes)
+        given = self.problem.bare.base, self.gains, times, along, widths, most, counts, self.span
+        return Fleet(*given, *self.pushes, *self.motion)
 
     def planes(self, contacts: Contacts, aim: float) -> Planes:
         """Return the planes of contacts at a distance [zones], and those of requirements.

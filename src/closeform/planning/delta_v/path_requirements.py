@@ -68,7 +68,7 @@ class PathRequirements:
         planes = Planes.room(len(times))
         planes.times[:], planes.first[:], planes.second[:] = times, i, -1
         planes.cuts[:] = times[:, None]
-        coasts = self.problem.orbit.transition(times - start) @ self.problem.base[i, STATE : STATE + 6]
+        coasts = self.problem.orbit.transition(times - start, start) @ self.problem.base[i, STATE : STATE + 6]
         margins = one._margin(states)
         for k, state in enumerate(states):
             slope = one._slope(state)

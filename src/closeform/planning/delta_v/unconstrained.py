@@ -8,35 +8,34 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.construction.ends import arcs_between
-from closeform.motion.minimum_delta_v.impulses import answers
 from closeform.motion.minimum_delta_v.reduced import ANSWER, LOWER
 from closeform.motion.orbit import Orbit
 
 
 def answers_alone(
-    mean_motion: float,
+    orbit: Orbit,
     arcs: Floats,
     finals: Floats,
     thrusters: Sequence[Thrusters | None],
     names: Sequence[str],
 ) -> Floats:
-    """Return the solutions (P, 34) of one transfer of each craft, as `impulses.answers` does.
+    """Return the solutions (P, 34) of one transfer of each craft, as `Orbit._answers` does.
 
     Raises ValueError that names the craft whose thrusters cannot perform its transfer, with the reason.
     """
     free = np.array([own is None for own in thrusters])
     if free.all():
-        return answers(mean_motion, arcs, finals)
+        return orbit._answers(arcs, finals)
     # Imported here, because only thrusters need linear programs.
     from closeform.motion.minimum_delta_v.directed import answers_of
 
     found = np.empty((len(arcs), ANSWER))
     if free.any():
-        found[free] = answers(mean_motion, arcs[free], finals[free])
+        found[free] = orbit._answers(arcs[free], finals[free])
     for i, own in enumerate(thrusters):
         if own is not None:
             one = slice(i, i + 1)
-            found[one] = answers_of(own, mean_motion, arcs[one], finals[one], names[one])
+            found[one] = answers_of(own, orbit.mean_motion, arcs[one], finals[one], names[one])
     return found
 
 
@@ -61,7 +60,7 @@ def costs_alone(
         refused: list[ValueError] = []
         for s, (arc, end) in enumerate(zip(arcs[i], ends.reshape(*costs.shape, 6)[i], strict=True)):
             try:
-                row = answers_alone(orbit.mean_motion, arc[None], end[None], (own,), (names[i],))
+                row = answers_alone(orbit, arc[None], end[None], (own,), (names[i],))
                 costs[i, s] = row[0, LOWER]
             except ValueError as error:
                 costs[i, s] = inf

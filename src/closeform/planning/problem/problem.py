@@ -21,6 +21,7 @@ from closeform.planning.problem.approaches import sample_bodies
 from closeform.planning.problem.chief_paths import ChiefPaths
 from closeform.planning.problem.contacts import turn_normals
 from closeform.planning.problem.deflection import fly, invert_responses, look_at, room_for
+from closeform.planning.problem.natural_motion import windows_of
 from closeform.planning.problem.pieces import BASE, PATHS, PLACES
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
@@ -242,6 +243,7 @@ class Problem:
             np.empty((0, PATHS, 0)),
             np.zeros(1, dtype=np.int64),
             np.empty((0, BASE)),
+            *windows_of(self.orbit, self.first, self.last),
         )
         if beside is None:
             return scene
@@ -268,8 +270,7 @@ class Problem:
     def samples(self) -> Floats:
         """Return sample times that cover every craft's own time and every revolution of the orbit."""
         spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
-        rate = self.orbit.mean_motion / (2.0 * pi) if self.beside is None else 1.0 / self.orbit.period
-        a_turn = (A_TURN if self.drift is None else A_DRIFT) * rate
+        a_turn = (A_TURN if self.drift is None else A_DRIFT) * self.orbit._rate / (2.0 * pi)
         grids = [
             np.linspace(start, end, int(max(SAMPLES / sqrt(len(spans)), a_turn * (end - start))) + 1)
             for start, end in spans

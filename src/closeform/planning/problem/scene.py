@@ -43,6 +43,8 @@ class Scene(NamedTuple):
     units: Floats  # (U, 13, 36): their coefficients, of the base path, A and B^T
     unit_offsets: Any  # (N + 1,)
     bases: Floats  # (T, 25): weights of the coefficients at the samples
+    joints: Floats  # (W + 1,): windows of natural motion, see `natural_motion`
+    flows: Floats  # (W, 6, 6, 12)
 
     @property
     def room(self) -> tuple[int, int]:
@@ -96,9 +98,10 @@ class Contacts(NamedTuple):
         return len(self.times)
 
 
-ROWS, BLOCKS, NUMBERS, INDICES, PAIRS = (
+ROWS, BLOCKS, WINDOWS, NUMBERS, INDICES, PAIRS = (
     float64[:, ::1],
     float64[:, :, ::1],
+    float64[:, :, :, ::1],
     float64[::1],
     int64[::1],
     int64[:, ::1],
@@ -108,7 +111,7 @@ SCENE = Lent(
         (
             *(ROWS, BLOCKS, ROWS, INDICES, ROWS, INDICES, PAIRS, INDICES, ROWS, ROWS),
             *(INDICES, BLOCKS, ROWS, INDICES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, BLOCKS, NUMBERS),
-            *(NUMBERS, ROWS, BLOCKS, INDICES, ROWS),
+            *(NUMBERS, ROWS, BLOCKS, INDICES, ROWS, NUMBERS, WINDOWS),
         ),
         Scene,
     )

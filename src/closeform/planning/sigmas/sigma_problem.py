@@ -10,6 +10,7 @@ and every method for planes a . q >= 1 applies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import inf
@@ -23,9 +24,9 @@ from closeform.motion.path import Path
 from closeform.planning.bounds.zone_pieces import inner_curvature
 from closeform.planning.problem.problem import Flown, PairRow, Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.uncertainty.covariance_propagation import PropagatedErrors, covariances, propagate_errors
+from closeform.uncertainty.covariance_propagation import covariances, propagate_errors
+from closeform.uncertainty.error_columns import columns_of
 from closeform.uncertainty.errors import Uncertainty, one_for_each
-from closeform.uncertainty.sigmas.conflicts import search_of
 from closeform.uncertainty.sigmas.ellipsoid_planes import faced, gauges
 from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.solids import Ellipsoid
@@ -106,8 +107,8 @@ class SigmaProblem(Problem):
         After the last arrival, they are conflicts with the zones alone.
         """
         zones = [Zone(zone.shape, zone.matrix / factor, zone.faces) for zone in self.zones]
-        spread = self.spread(flown if self.drift is None else until(flown, self.arrival))
-        search = search_of(spread, zones, self.orbit.mean_motion, factor * self.sigmas)
+        bodies = self.bodies(flown if self.drift is None else until(flown, self.arrival))
+        search = Uncertainty._search_of(bodies, self.kept.errors, zones, factor * self.sigmas)
         found = []
         for zone, pairs in zip(zones, self.pairs_by_kind, strict=True):
             for (i, j), row in zip(*search(zone, *pairs), strict=True):
@@ -120,27 +121,34 @@ class SigmaProblem(Problem):
         """Return the mask (K,) of contacts at which the sigmas count: before a loss of thrust and arrival."""
         return ~contacts.drifts.any(axis=1) & (contacts.times <= self.arrival)
 
-    def spread(self, flown: Flown) -> PropagatedErrors:
-        """Return the errors of all bodies along their paths."""
-        return propagate_errors(self.bodies(flown), self.kept.errors)
+    def spread(self, paths: Path, errors: Sequence[Uncertainty | None]) -> Any:
+        """Return errors of all bodies along their paths: propagated, or as columns beside any chief."""
+        if self.beside is None:
+            return propagate_errors(paths, errors)
+        return [one and columns_of(paths[k], one) for k, one in enumerate(errors)]
 
     def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
         """Return relative covariances (K, 3, 3) [m^2] of positions at contacts."""
-        return self.relative(self.spread(flown) if self.moves else self.fixed, contacts)
+        spread = self.spread(self.bodies(flown), self.kept.errors) if self.moves else self.fixed
+        return self.relative(spread, contacts)
 
-    def relative(self, spread: PropagatedErrors, contacts: Contacts) -> Floats:
+    def relative(self, spread: Any, contacts: Contacts) -> Floats:
         """Return relative covariances (K, 3, 3) [m^2] at contacts, 0 where errors do not count."""
-        arcs, offsets, rows, execution = spread
         total, counts = np.zeros((contacts.number, 3, 3)), self.with_errors(contacts)
         pairs = np.where(counts[:, None], self.pairs[contacts.which], -1)
         for body in np.unique(pairs[counts]):
             if self.kept.errors[body] is None:
                 continue
             those = np.flatnonzero((pairs == body).any(axis=1))
-            own = slice(offsets[body], offsets[body + 1])
-            out = np.empty((len(those), 6, 6))
+            times = np.ascontiguousarray(contacts.times[those])
+            if self.beside is not None:
+                columns = spread[body]._evaluate_rows(times[None])[:, :, :3]
+                total[those] += np.einsum("cki,ckj->kij", columns, columns)
+                continue
+            arcs, offsets, rows, execution = spread
+            own, out = slice(offsets[body], offsets[body + 1]), np.empty((len(those), 6, 6))
             given = arcs[own], self.orbit.mean_motion, rows[own], execution[body : body + 1]
-            covariances(*given, np.ascontiguousarray(contacts.times[those]), out)
+            covariances(*given, times, out)
             total[those] += out[:, :3, :3]
         return total
 
@@ -151,9 +159,9 @@ class SigmaProblem(Problem):
         return any(one is not None and (one.magnitude or one.pointing or any(one.impulse)) for one in own)
 
     @cached_property
-    def fixed(self) -> PropagatedErrors:
-        """The part of the errors that is the same for all plans."""
-        return propagate_errors(self.bodies(self.direct), self.kept.fixed(self.count))
+    def fixed(self) -> Any:
+        """The part of the errors that is the same for all plans, as `spread`."""
+        return self.spread(self.bodies(self.direct), self.kept.fixed(self.count))
 
     def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
         """Return the gauges (K,) of pairs at contacts, and gradients; negative `sigmas`: the clear sigmas."""

@@ -143,8 +143,8 @@ class SigmaSearch:
     def pressed(self, planes: Contacts, lift: float) -> tuple[float, Flown]:
         """Fill the planes' multipliers; return their energy and all paths."""
         energy, arcs, offsets = press_in(self.scene, planes, lift, HARD, inf)
-        if energy == inf:
-            return energy, (arcs, offsets)
+        if energy == inf or self.problem.beside is not None:
+            return energy, self.problem.direct if energy == inf else self.problem.flown(planes)
         return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
 
     def following(self, flown: Flown, pressing: Contacts, near: list[PairRow]) -> Contacts:

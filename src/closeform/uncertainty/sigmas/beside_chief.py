@@ -51,6 +51,9 @@ NARROWEST = 1e-13  # of a window: a piece that counts as an instant
 SAMPLES = 8  # of a window, to begin with a level near the lowest
 DEPTH = 60  # pieces in work
 CLEAR = 1.0 + 1e-12  # norm beyond which a plane is clear, above rounding
+# A norm beyond 1 by up to WIDE times what a plane needs to be clear may count as inside, so that a tube that
+# hardly enters is not cut into millions of pieces; the middle of a piece decides at AMID which is tried.
+AMID, WIDE = 2.0, 4.0
 SHORT = 64.0  # rounding of positions, in units of the last place of the largest coefficient
 WINDOWS, BOUNDS = float64[:, :, :, ::1], float64[:, :, ::1]
 
@@ -80,10 +83,11 @@ def place_tube(tube, window, u, columns):
 def projected(tube, window, off, low, high, lines, left):
     """Fill `lines` (2, 12) with lower bounds of a . r_0 over a piece, and upper bounds of |l|.
 
-    They belong to the coefficients. `off` (N, 3) are the errors of the polynomials along the axes.
+    They belong to the coefficients. `off` (N, 3) are the errors of the polynomials along the axes.  Returns
+    the error of a . r_0, and that of |l|.
     """
     x, y, z = tube.best[0], tube.best[1], tube.best[2]
-    most = 0.0
+    most, ahead, wide = 0.0, 0.0, 0.0
     for j in range(len(window)):
         for b in range(TERMS):
             left[0, b] = x * window[j, b, 0] + y * window[j, b, 1] + z * window[j, b, 2]
@@ -95,8 +99,13 @@ def projected(tube, window, off, low, high, lines, left):
                 lines[0, b], lines[1, b] = left[0, b] - wrong, 0.0
             else:
                 lines[1, b] += (abs(left[0, b]) + wrong) ** 2
+        if j == 0:
+            ahead = wrong
+        else:
+            wide += wrong**2
     for b in range(TERMS):
         lines[1, b] = sqrt(lines[1, b])
+    return ahead, sqrt(wide)
 
 
 @kernel()
@@ -162,10 +171,13 @@ def least_of_windows(tube, windows, off, k, first, last, out):
 
 
 @kernel()
-def holds_inside(tube, window, u, k, columns, lines, low, high, left):
-    """Return True if errors that lead into the zone at u keep positions inside over a whole piece."""
+def holds_inside(tube, window, u, k, columns, lines, low, high, left, most):
+    """Return True if errors that lead into the zone at u keep positions inside over a whole piece.
+
+    Inside is a norm up to `most`.
+    """
     used, gap = position_inside(tube, place_tube(tube, window, u, columns), k)
-    if not gap < 1.0:
+    if not gap < most:
         return False
     share = used / sqrt(tube.along[0]) if tube.along[0] > 0.0 else 0.0
     x, y, z = tube.best[0], tube.best[1], tube.best[2]
@@ -182,7 +194,7 @@ def holds_inside(tube, window, u, k, columns, lines, low, high, left):
         for b in range(TERMS):
             lines[i, b] = left[0, b]
     for b in range(TERMS):
-        if norm(tube.shape, tube.faces, lines[0, b], lines[1, b], lines[2, b]) > 1.0:
+        if norm(tube.shape, tube.faces, lines[0, b], lines[1, b], lines[2, b]) > most:
             return False
     return True
 
@@ -203,16 +215,19 @@ def reached(tube, windows, off, k, rows):
         while top >= 0:
             high = ends[top]
             middle = 0.5 * (low + high)
-            apart = place_tube(tube, windows[w], middle, columns) > 1.0 and gap_at_sigmas(tube, k, inf) > 1.0
-            clear = False
-            if apart:
-                projected(tube, windows[w], off[w], low, high, lines, left)
+            clear, room, gap = False, CLEAR - 1.0, 0.0
+            if place_tube(tube, windows[w], middle, columns) > 1.0:
+                gap = gap_at_sigmas(tube, k, inf)
+            if gap > 1.0:
+                ahead, wide = projected(tube, windows[w], off[w], low, high, lines, left)
+                room += ahead + k * wide
                 clear = True
                 for b in range(TERMS):
                     clear = clear and lines[0, b] - k * lines[1, b] > CLEAR
             decided = clear or high - low < NARROWEST or top + 1 == DEPTH
-            if not decided and not apart:
-                decided = holds_inside(tube, windows[w], middle, k, columns, lines, low, high, left)
+            if not decided and not gap > 1.0 + AMID * room:
+                most = 1.0 + WIDE * room
+                decided = holds_inside(tube, windows[w], middle, k, columns, lines, low, high, left, most)
             if not decided:
                 top += 1
                 ends[top] = middle

@@ -25,7 +25,7 @@ from numba import float64, types
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.planning.delta_v.dual.cones import IMPULSE, PRIMER, ROW, place
-from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, gain, is_free
+from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, fill_effects, is_free
 from closeform.planning.delta_v.dual.interior_point import Program, go, measure, step_towards, weigh_all
 from closeform.planning.delta_v.dual.primer_rows import begin, fill_members, fill_rows, normalise
 from closeform.planning.problem.scene import BLOCKS
@@ -137,12 +137,15 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     widest = fill_members(planes, members, sizes)
     rows = np.empty((craft, fleet.times.shape[1], 3, 6 + widest))
     gains, roots, pulls = np.empty((craft, 6)), np.empty((craft, 6, 6)), np.empty(number)
+    effects = np.empty((number, 6))
+    fill_effects(fleet, planes, effects)
     total = 0.0
     for k in range(number):
         pulls[k] = inf
     for i in range(craft):
-        gain(fleet, i, gains[i])
-        fill_rows(fleet, planes, i, members[i], sizes[i], rows[i])
+        for a in range(6):
+            gains[i, a] = fleet.gains[i, a]
+        fill_rows(fleet, planes, effects, i, members[i], sizes[i], rows[i])
         if not normalise(rows[i], fleet.counts[i], gains[i], roots[i]):
             return inf, 0.0
         begin(rows[i], fleet.counts[i], members[i], sizes[i], pulls)

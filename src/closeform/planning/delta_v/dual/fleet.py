@@ -7,12 +7,11 @@ from numba import types
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.kernel_loans import Lent, stack_matrix
-from closeform.motion.arc import END, MEAN_MOTION, START, STATE
-from closeform.motion.hill import coast
-from closeform.motion.minimum_delta_v.primer import functional, position_rows, rate_rows
+from closeform.kernel_loans import Lent, stack_matrix, stack_vector
+from closeform.motion.arc import END, START
 from closeform.planning.delta_v.firing_times import Moments
-from closeform.planning.problem.scene import BLOCKS, INDICES, NUMBERS, ROWS
+from closeform.planning.problem.natural_motion import fill_flow
+from closeform.planning.problem.scene import BLOCKS, INDICES, NUMBERS, ROWS, WINDOWS
 
 # Gauss points and weights on [0, 1]: exact to rounding over a tenth of a radian.
 POINTS: tuple[float, ...] = (0.06943184420297371, 0.33000947820757187)
@@ -28,11 +27,12 @@ class Fleet(NamedTuple):
     `times` (N, J) are in order, the first `counts` (N,) of each valid.  An impulse is along the unit vector
     `along` (N, J, 3), or free in direction where that is zero.  Where `widths` (N, J) [s] are positive, it is
     a burn of constant thrust that begins at its time, of at most `most` (N, J) [m/s].  `span` (2,) are the
-    first and last time of the paths.
+    first and last time of the paths.  Natural motion is that of `problem.natural_motion`; primers are given
+    by their values and rates c at the first time.
     """
 
-    base: Floats  # (N, 21): a row with each craft's times and initial state
-    finals: Floats  # (N, 6)
+    base: Floats  # (N, 30): a row with each craft's times and initial state
+    gains: Floats  # (N, 6): of the required changes of state in terms of primers; theory (27)
     times: Floats
     along: Floats
     widths: Floats
@@ -42,6 +42,10 @@ class Fleet(NamedTuple):
     directions: Floats  # (N, M, 3) of each craft's thrusters at time 0; zero: free
     numbers: Any  # (N,) of them
     spins: Floats  # (N,) [rad/s]: with which the directions turn backwards
+    clock: Floats  # (3,) of a chief, or (0,)
+    joints: Floats
+    flows: Floats
+    form: Floats  # (3, 3): W at the first time, of `effect_of`
 
 
 class Planes(NamedTuple):
@@ -96,7 +100,11 @@ class Priced(NamedTuple):
 
 FLEET = Lent(
     types.NamedTuple(
-        (ROWS, ROWS, ROWS, BLOCKS, ROWS, ROWS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet
+        (
+            *(ROWS, ROWS, ROWS, BLOCKS, ROWS, ROWS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS),
+            *(NUMBERS, NUMBERS, WINDOWS, ROWS),
+        ),
+        Fleet,
     )
 )
 PLANES = Lent(types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES, ROWS, NUMBERS), Planes))
@@ -104,31 +112,46 @@ DUAL = Lent(types.NamedTuple((ROWS, NUMBERS), Dual))
 
 
 @kernel()
-def gain(fleet, i, g):
-    """Fill `g` (6,) with the gradient of the dual with respect to a craft's primer; theory (27)."""
-    n, t = fleet.base[i, MEAN_MOTION], fleet.base[i, END] - fleet.base[i, START]
-    f = fleet.finals[i]
-    x, y, z, vx, vy, vz = coast(n, -t, f[0], f[1], f[2], f[3], f[4], f[5])
-    b = fleet.base[i, STATE : STATE + 6]
-    functional(n, x - b[0], y - b[1], z - b[2], vx - b[3], vy - b[4], vz - b[5], g)
-
-
-@kernel()
-def mean_rows(n, t, width, psi, rates=False):
-    """Fill `psi` (3, 6): Psi at time t, or its mean over the `width` after it; or else its `rates`."""
+def mean_rows(fleet, t, width, psi):
+    """Fill `psi` (3, 6): p(t) = Psi c at time t, or its mean over the `width` after it."""
+    if not width > 0.0:
+        fill_flow(fleet, t, psi)
+        return
     one = stack_matrix(3, 6)
     for axis in range(3):
         for k in range(6):
             psi[axis, k] = 0.0
-    for q in range(4 if width > 0.0 else 1):
-        at, weight = t + width * POINTS[q], WEIGHTS[q] if width > 0.0 else 1.0
-        if rates:
-            rate_rows(n, at, one)
-        else:
-            position_rows(n, at, one)
+    for q in range(4):
+        fill_flow(fleet, t + width * POINTS[q], one)
         for axis in range(3):
             for k in range(6):
-                psi[axis, k] += weight * one[axis, k]
+                psi[axis, k] += WEIGHTS[q] * one[axis, k]
+
+
+@kernel()
+def effect_of(fleet, row, t, out):
+    """Fill `out` (6,) with w at the first time, for which Psi w is the effect of impulses on a row.
+
+    An impulse v changes the state by dx, seen at the first time, with Psi^T v = (dr' + W dr, -dr).  A row
+    (6,) in the state at time t therefore changes by (Psi w) . v.                          # theory (27), (38)
+    """
+    flow, q = stack_matrix(6, 6), stack_vector(6)
+    fill_flow(fleet, t, flow)
+    for a in range(6):
+        q[a] = 0.0
+        for i in range(6):
+            q[a] += row[i] * flow[i, a]
+    for a in range(3):
+        out[a], out[3 + a] = q[3 + a], -q[a]
+        for b in range(3):
+            out[3 + a] -= fleet.form[a, b] * q[3 + b]
+
+
+@kernel()
+def fill_effects(fleet, planes, effects):
+    """Fill `effects` (K, 6) of impulses on planes."""
+    for k in range(len(effects)):
+        effect_of(fleet, planes.rows[k], planes.times[k], effects[k])
 
 
 @kernel()
@@ -138,36 +161,31 @@ def cut_of(planes, k, i):
 
 
 @kernel()
-def forces(fleet, planes, k, i, j, psi, out):
-    """Fill `out` (3,): Phi_v(dt)^T a, the effect of plane k on craft i's primer at its moment j.
+def forces(fleet, planes, effects, k, i, j, psi, out):
+    """Fill `out` (3,): the effect of plane k on craft i's primer at its moment j, of mean rows `psi`.
 
-    It is the mean over a burn, in which the plane or its cut may lie.  An impulse is cut like a brief burn of
-    constant thrust.                                                                    # theory (38), (74)
+    The plane or its cut may lie in a burn, whose later part has no effect.  An impulse is cut like a brief
+    burn of constant thrust.                                                            # theory (38), (74)
     """
-    n, t, width = fleet.base[i, MEAN_MOTION], fleet.times[i, j], fleet.widths[i, j]
+    t, width, part = fleet.times[i, j], fleet.widths[i, j], stack_matrix(3, 6)
     only = planes.moments[k]
     if only == only:
         for axis in range(3):
             out[axis] = planes.rows[k, 3 + axis] if only == t else 0.0
         return
     brief = BRIEF * (fleet.base[i, END] - fleet.base[i, START])
-    dt, flown, row = planes.times[k] - t, cut_of(planes, k, i) - t, planes.rows[k]
+    flown = cut_of(planes, k, i) - t
     active = max(min(flown, width), 0.0)
     share = active / width if width > 0.0 else min(max(0.5 * flown / brief + 0.5, 0.0), 1.0)
-    if not (dt > 0.0 and share > 0.0):
-        out[0], out[1], out[2] = 0.0, 0.0, 0.0
+    out[0], out[1], out[2] = 0.0, 0.0, 0.0
+    if not (planes.times[k] > t and share > 0.0):
         return
-    mean_rows(n, dt - active, active, psi)
+    cut = active < width
+    if cut:
+        mean_rows(fleet, t, active, part)
     for axis in range(3):
-        out[axis] = share * (
-            psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]
-        )
-    if row[3] != 0.0 or row[4] != 0.0 or row[5] != 0.0:
-        mean_rows(n, dt - active, active, psi, True)
-        for axis in range(3):
-            out[axis] += share * (
-                psi[0, 3 + axis] * row[3] + psi[1, 3 + axis] * row[4] + psi[2, 3 + axis] * row[5]
-            )
+        for a in range(6):
+            out[axis] += share * (part[axis, a] if cut else psi[axis, a]) * effects[k, a]
 
 
 @kernel()
@@ -185,10 +203,3 @@ def project(along, psi):
         share = along[0] * psi[0, a] + along[1] * psi[1, a] + along[2] * psi[2, a]
         for axis in range(3):
             psi[axis, a] = along[axis] * share
-
-
-@kernel()
-def coast_state(n, t, s, out):
-    """Fill `out` (6,) with the state `s` after time t; both may be the same array."""
-    x, y, z, vx, vy, vz = coast(n, t, s[0], s[1], s[2], s[3], s[4], s[5])
-    out[0], out[1], out[2], out[3], out[4], out[5] = x, y, z, vx, vy, vz

@@ -12,13 +12,13 @@ from closeform.motion.linear import triangle
 from closeform.planning.delta_v.dual.fleet import (
     FLEET,
     PLANES,
-    coast_state,
+    fill_effects,
     forces,
-    gain,
     is_free,
     mean_rows,
     project,
 )
+from closeform.planning.problem.natural_motion import rate_of, state_after, state_at_first
 from closeform.planning.problem.scene import BLOCKS, INDICES, ROWS
 
 REPAIRS = 3  # corrections of the ends for rounding
@@ -33,13 +33,13 @@ def repair(fleet, i, impulses):
 
     The correction is minimal, and larger for large impulses.
     """
-    n, lasts = fleet.base[i, MEAN_MOTION], fleet.base[i, END] - fleet.base[i, START]
+    n, lasts = rate_of(fleet), fleet.base[i, END] - fleet.base[i, START]
     matrix, left, psi = stack_matrix(6, 6), stack_vector(6), stack_matrix(3, 6)
     away = lasts if n * lasts < 1.0 else 1.0 / n  # displacement by a speed of 1
     for _ in range(REPAIRS):
         total = 0.0
-        gain(fleet, i, left)  # minus the sum of Psi^T v, theory (27)
         for a in range(6):
+            left[a] = fleet.gains[i, a]  # minus the sum of Psi^T v, theory (27)
             for b in range(6):
                 matrix[a, b] = 0.0
         for j in range(fleet.counts[i]):
@@ -48,7 +48,7 @@ def repair(fleet, i, impulses):
             if weight == 0.0:
                 continue
             total += weight
-            mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
+            mean_rows(fleet, fleet.times[i, j], fleet.widths[i, j], psi)
             project(fleet.along[i, j], psi)
             for a in range(6):
                 for axis in range(3):
@@ -73,7 +73,7 @@ def repair(fleet, i, impulses):
             weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
             if weight == 0.0:
                 continue
-            mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
+            mean_rows(fleet, fleet.times[i, j], fleet.widths[i, j], psi)
             project(fleet.along[i, j], psi)
             change = stack_vector(3)
             for axis in range(3):
@@ -101,6 +101,26 @@ def begin_arc(n, row, start, end, state):
         row[STATE + a] = state[a]
 
 
+@kernel()
+def burn_after(fleet, v, arc, state):
+    """Replace a state at the start of a burn of delta-v `v` by that at its end."""
+    if len(fleet.clock) == 0:
+        x, y, z, vx, vy, vz = state_at(arc, arc[END])
+        state[0], state[1], state[2], state[3], state[4], state[5] = x, y, z, vx, vy, vz
+        return
+    psi, moved = stack_matrix(3, 6), stack_vector(6)
+    mean_rows(fleet, arc[START], arc[END] - arc[START], psi)
+    for a in range(6):  # the change of state, seen at the first time: see `effect_of`
+        moved[a] = psi[0, a] * v[0] + psi[1, a] * v[1] + psi[2, a] * v[2]
+    state_at_first(fleet, arc[START], state)
+    for a in range(3):
+        state[a] -= moved[3 + a]
+        state[3 + a] += moved[a]
+        for b in range(3):
+            state[3 + a] += fleet.form[a, b] * moved[3 + b]
+    state_after(fleet, fleet.span[0], arc[END], state)
+
+
 @kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
 def fly_impulses(fleet, impulses, arcs, offsets):
     """Fill the craft's paths with repaired ends over the whole time span; return the number of arcs."""
@@ -108,9 +128,10 @@ def fly_impulses(fleet, impulses, arcs, offsets):
     for i in range(len(fleet.base)):
         offsets[i] = row
         repair(fleet, i, impulses)
-        n, start = fleet.base[i, MEAN_MOTION], fleet.base[i, START]
-        t = fleet.span[0]
-        coast_state(n, t - start, fleet.base[i, STATE : STATE + 6], state)
+        n, t = fleet.base[i, MEAN_MOTION], fleet.span[0]
+        for a in range(6):
+            state[a] = fleet.base[i, STATE + a]
+        state_after(fleet, fleet.base[i, START], t, state)
         clear(arcs[row])
         for j in range(fleet.counts[i] + 1):
             last = j == fleet.counts[i]
@@ -118,7 +139,7 @@ def fly_impulses(fleet, impulses, arcs, offsets):
                 continue
             there = fleet.span[1] if last else max(fleet.times[i, j], t)
             begin_arc(n, arcs[row], t, there, state)
-            coast_state(n, there - t, state, state)
+            state_after(fleet, t, there, state)
             if there > t:
                 row += 1
                 clear(arcs[row])
@@ -136,8 +157,7 @@ def fly_impulses(fleet, impulses, arcs, offsets):
             begin_arc(n, arcs[row], there, t, state)
             for axis in range(3):
                 arcs[row, PUSH + axis] = impulses[i, j, axis] / (t - there)
-            x, y, z, vx, vy, vz = state_at(arcs[row], t)
-            state[0], state[1], state[2], state[3], state[4], state[5] = x, y, z, vx, vy, vz
+            burn_after(fleet, impulses[i, j], arcs[row], state)
             row += 1
             clear(arcs[row])
     offsets[len(fleet.base)] = row
@@ -190,9 +210,9 @@ def keep_fewest(fleet, planes, impulses):
     effects, work = np.empty((6 + number, most)), np.empty((6 + number, 7 + number))
     sizes, z = np.empty(most), np.empty(7 + number)
     used, order = np.empty(most, dtype=np.int64), np.empty(7 + number, dtype=np.int64)
-    psi, pushed = stack_matrix(3, 6), stack_vector(3)
+    psi, pushed, drawn = stack_matrix(3, 6), stack_vector(3), np.empty((number, 6))
+    fill_effects(fleet, planes, drawn)
     for i in range(len(fleet.base)):
-        n, start = fleet.base[i, MEAN_MOTION], fleet.base[i, START]
         height = 6
         for k in range(number):
             if planes.first[k] == i or planes.second[k] == i:
@@ -206,13 +226,13 @@ def keep_fewest(fleet, planes, impulses):
                 continue
             used[count] = j
             count += 1
-            mean_rows(n, fleet.times[i, j] - start, fleet.widths[i, j], psi)
+            mean_rows(fleet, fleet.times[i, j], fleet.widths[i, j], psi)
             for a in range(6):
                 effects[a, j] = (psi[0, a] * v[0] + psi[1, a] * v[1] + psi[2, a] * v[2]) / size
             row = 6
             for k in range(number):
                 if planes.first[k] == i or planes.second[k] == i:
-                    forces(fleet, planes, k, i, j, psi, pushed)
+                    forces(fleet, planes, drawn, k, i, j, psi, pushed)
                     effects[row, j] = (pushed[0] * v[0] + pushed[1] * v[1] + pushed[2] * v[2]) / size
                     row += 1
         scale_rows(effects, height, used, count)

@@ -6,33 +6,19 @@ import numpy as np
 from numba import float64
 
 from closeform._jit import kernel
+from closeform.kernel_loans import stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
+from closeform.motion.chief.bernstein import SQUARE, keep_piece
+from closeform.motion.chief.clock import angle_at, time_at
+from closeform.motion.chief.impulses import DEPTH, note, primer_in, window_maxima
+from closeform.motion.chief.segments import squared
 from closeform.motion.hill import coast
 from closeform.motion.minimum_delta_v.primer import peaks
-from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, coast_state, cut_of, is_free
+from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, cut_of, fill_effects, is_free
+from closeform.planning.problem.natural_motion import state_after, window_of
 from closeform.planning.problem.scene import INDICES, PAIRS, ROWS
 
 BETWEEN = 1e-7  # maximum difference of d . p from cubics between its samples
-
-
-@kernel()
-def add_push(n, planes, k, i, multiplier, t, state):
-    """Add the effect of a plane to the primer's state at time t before the plane's time.
-
-    At that time the primer is the plane's row in the velocity, and its rate follows from Hill's equations.
-    """
-    force = -multiplier if planes.first[k] == i else multiplier
-    row = planes.rows[k]
-    x, y, z, vx, vy, vz = coast(
-        *(n, t - planes.times[k], -force * row[3], -force * row[4], -force * row[5]),
-        *(force * (row[0] - 2.0 * n * row[4]), force * (row[1] + 2.0 * n * row[3]), force * row[2]),
-    )
-    state[0] += x
-    state[1] += y
-    state[2] += z
-    state[3] += vx
-    state[4] += vy
-    state[5] += vz
 
 
 @kernel()
@@ -91,6 +77,36 @@ def peaks_along(n, duration, c, spin, angle, d, level, instants):
     return count, highest + rest
 
 
+@kernel()
+def peaks_beside(fleet, c, t, end, level, work, instants, squares):
+    """Find the local maxima of |p| of at least `level` beside a chief, in times since t, ends included.
+
+    `c` (6,) is the primer at the first time.  Returns the number of maxima, and a certified bound on |p|.
+    """
+    joints, p, floor = fleet.joints, stack_matrix(3, 12), level * level
+    stack, _, spare = work
+    first, last = angle_at(fleet.clock, t), angle_at(fleet.clock, end)
+    most, value, rose, count = floor, 0.0, True, 0
+    opening, final = window_of(joints, first), window_of(joints, last)
+    if final > opening and not last > joints[final]:
+        final -= 1
+    for w in range(opening, final + 1):
+        low, length = joints[w], joints[w + 1] - joints[w]
+        primer_in(fleet.flows[w], c, p)
+        for axis in range(3):
+            keep_piece(p[axis], max((first - low) / length, 0.0), min((last - low) / length, 1.0), spare)
+        squared(p, stack[0])
+        count, high, value, rose = window_maxima(w, floor, rose, work, instants, squares, count)
+        most = max(most, high)
+    if value >= floor and rose:
+        count = note(instants, squares, count, final + 1.0, value)
+    for m in range(count):
+        w = min(int(instants[m]), final)
+        low, high = max(joints[w], first), min(joints[w + 1], last)
+        instants[m] = time_at(fleet.clock, low + (instants[m] - w) * (high - low)) - t
+    return count, sqrt(most)
+
+
 @kernel(float64(FLEET, PLANES, DUAL, float64, ROWS, PAIRS, INDICES))
 def find_peaks(fleet, planes, dual, level, times, which, counts):
     """Fill the times and directions of local maxima above `level` of each craft's |p|, or d . p of thrusters.
@@ -100,10 +116,11 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
     """
     room, number = times.shape[1], len(planes.times)
     instants, squares, state, order = np.empty(room), np.empty(room), np.empty(6), np.empty(number + 1)
-    highest = level
+    work = np.empty((DEPTH, SQUARE)), np.empty(DEPTH), np.empty(SQUARE)
+    effects, highest = np.empty((number, 6)), level
+    fill_effects(fleet, planes, effects)
     for i in range(len(fleet.base)):
-        n, start, end = fleet.base[i, MEAN_MOTION], fleet.base[i, START], fleet.base[i, END]
-        spin = fleet.spins[i]
+        start, end = fleet.base[i, START], fleet.base[i, END]
         pieces = 0
         for k in range(number):
             if planes.first[k] == i or planes.second[k] == i:
@@ -119,21 +136,30 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
         for piece in range(pieces + 1):
             if not order[piece] > t:
                 continue
-            coast_state(n, t - start, dual.starts[i], state)
+            for a in range(6):
+                state[a] = dual.starts[i, a]
             for k in range(number):
                 if (planes.first[k] == i or planes.second[k] == i) and cut_of(planes, k, i) >= order[piece]:
-                    add_push(n, planes, k, i, dual.multipliers[k], t, state)
+                    force = dual.multipliers[k] if planes.first[k] == i else -dual.multipliers[k]
+                    for a in range(6):
+                        state[a] += force * effects[k, a]
+            if len(fleet.clock) == 0:
+                state_after(fleet, fleet.span[0], t, state)
             for one in range(fleet.numbers[i]):
-                d, duration = fleet.directions[i, one], order[piece] - t
-                if is_free(d):
-                    found, high = peaks(n, duration, state, level, instants, squares)
+                d, until = fleet.directions[i, one], order[piece]
+                if len(fleet.clock) > 0:
+                    found, high = peaks_beside(fleet, state, t, until, level, work, instants, squares)
+                elif is_free(d):
+                    n = fleet.base[i, MEAN_MOTION]
+                    found, high = peaks(n, until - t, state, level, instants, squares)
                     high = sqrt(high)
                 else:
-                    found, high = peaks_along(n, duration, state, spin, spin * t, d, level, instants)
+                    n, spin = fleet.base[i, MEAN_MOTION], fleet.spins[i]
+                    found, high = peaks_along(n, until - t, state, spin, spin * t, d, level, instants)
                 highest = max(highest, high)
                 for m in range(found):
                     if counts[i] < room:
-                        times[i, counts[i]] = min(t + instants[m], order[piece])
+                        times[i, counts[i]] = min(t + instants[m], until)
                         which[i, counts[i]] = one
                         counts[i] += 1
             t = order[piece]

@@ -4,7 +4,6 @@ from math import inf, sqrt
 
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import MEAN_MOTION, START
 from closeform.motion.linear import triangle
 from closeform.planning.delta_v.dual.fleet import forces, is_free, mean_rows
 
@@ -29,22 +28,21 @@ def fill_members(planes, members, sizes):
 
 
 @kernel()
-def fill_rows(fleet, planes, i, members, size, rows):
+def fill_rows(fleet, planes, effects, i, members, size, rows):
     """Fill `rows` (J, 3, 6 + M): the primer of a craft at each moment in terms of c and its multipliers.
 
     Where the impulse has a fixed direction, the first of the three is the primer along it, the others are 0.
     """
-    n = fleet.base[i, MEAN_MOTION]
     psi, pushed = stack_matrix(3, 6), stack_vector(3)
     for j in range(fleet.counts[i]):
-        mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
+        mean_rows(fleet, fleet.times[i, j], fleet.widths[i, j], psi)
         for axis in range(3):
             for k in range(6):
                 rows[j, axis, k] = psi[axis, k]
         for m in range(size):
             k = members[m]
             sign = 1.0 if planes.first[k] == i else -1.0
-            forces(fleet, planes, k, i, j, psi, pushed)
+            forces(fleet, planes, effects, k, i, j, psi, pushed)
             for axis in range(3):
                 rows[j, axis, 6 + m] = sign * pushed[axis]
         along = fleet.along[i, j]
