@@ -132,6 +132,22 @@ def test_requirements_combine_with_zones_and_quiet_times():
     assert not any(600.0 < time < 900.0 for time, _ in plan.path.impulses)
 
 
+def test_passively_safe_plan_keeps_a_corridor_and_a_speed_limit():
+    """Outside 20 m a chaser that stops firing drifts clear of the station for an orbit."""
+    hold, zone = [0, -20.0, 0, 0, 0, 0], cf.Sphere(10.0)
+    station = ORBIT.coast(np.zeros(6), TIME + 2 * ORBIT.period)
+    wanted = {"obstacles": station, "cost": "delta-v", "if_blocked": ()}
+    plan = cf.reconfigure(
+        *(ORBIT, [START], [hold], TIME, zone), drift=ORBIT.period, requirements=[CONE, GLIDE], **wanted
+    )
+    states = plan.path.state(np.linspace(0.0, TIME, 20_001))
+    assert min(inside(None, states, name).min() for name in ("cone", "glide")) >= -1e-6
+    flow = np.array([expm(hill() * t)[:3] for t in np.linspace(0.0, ORBIT.period, 200)])
+    drifts = np.einsum("tij,kj->tki", flow, states[::50])
+    assert np.linalg.norm(drifts, axis=-1).min() >= 10.0 - 1e-3
+    assert plan.lower_bound <= plan.delta_v <= 1.02 * plan.lower_bound
+
+
 @pytest.mark.parametrize("limit", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_burns_keep_requirements_within_a_thrust_limit(limit):
     burns = planned(CONE, max_acceleration=limit)
@@ -215,12 +231,12 @@ def test_certificate_of_thrust_decides_to_a_hair():
     burn = cf.reconfigure(
         space, [np.zeros(6)], [[0, 0, 50, 0, 0, 1.0]], 100.0, None, cost="delta-v", max_acceleration=0.011
     )
-    times = np.linspace(0.0, 100.0, 200_001)
+    times = np.linspace(0.0, 100.0, 20_001)
     thrusts = burn.path.thrust(times)
     fires = np.linalg.norm(thrusts, axis=1) > 0.0
     axes = np.stack([np.cos(0.02 * times), np.sin(0.02 * times), 0.4 + 0.0 * times], axis=1)
     least = angles_to(axes[fires], thrusts[fires]).min()
-    for off in (-1e-6, 1e-6):
+    for off in (-1e-5, 1e-5):
         cone = cf.requirements.ThrustExclusion(direction=[1, 0, 0.4], half_angle=least + off, rate=0.02)
         assert cone.holds(burn.path) is (off < 0.0)
 

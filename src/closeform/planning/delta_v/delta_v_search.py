@@ -86,7 +86,7 @@ def solve_impulses(
     def near() -> Spent | None:
         free, lasting = impulses.unconstrained(), by_energy()
         long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
-        problem.effort.used = 0.0  # impulses and burns near them keep their share
+        problem.effort.begin()  # after continuous thrust, impulses and the burns near them
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
         short = None if best is None else burns.tightened(best)

@@ -32,7 +32,7 @@ from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, si
 from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
-from closeform.planning.loop import ROUNDS, SETTLED, Round, Rounds, run
+from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
@@ -144,14 +144,16 @@ class ImpulseSolver:
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
         """Return the cheapest clear paths found from a start; None without any well below `bar`."""
+        accuracies = fading(WIDEST, FINER, LAST)
 
-        def allowed(state: Round[Spent, Program]) -> float:
-            turning = state.accuracy > TURNING or self.failures is not None
-            return (1.0 + state.accuracy if turning else 1.0 - WORTH) * bar
+        def allowed(turn: int) -> float:
+            accuracy = accuracies[min(turn, len(accuracies) - 1)]
+            turning = accuracy > TURNING or self.failures is not None
+            return (1.0 + accuracy if turning else 1.0 - WORTH) * bar
 
         most = ROUNDS if stride == inf or bar < inf else STEPS
         settled = SHARED if self.problem.requirements else SETTLED
-        method = Rounds(self, allowed, most, stride, WIDEST, LAST, FINER, settled)
+        method: Rounds[Spent, Program] = Rounds(self, allowed, most, stride, accuracies, settled)
         found: Spent | None = run(method, Program(contacts, self.grid))
         return found
 
@@ -281,7 +283,7 @@ class ImpulseSolver:
             return Program(contacts, after)
 
         method = Rounds(
-            *(self, lambda _: dearer * best.delta_v, FOCUSING, inf, LAST, LAST),
+            *(self, lambda _: dearer * best.delta_v, FOCUSING, inf, (LAST,)),
             aim=best.margin,
             relinearise=following,
             **options,
