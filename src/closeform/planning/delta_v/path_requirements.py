@@ -119,6 +119,15 @@ class PathRequirements:
             found.append(own.some(free))
         return found
 
+    def with_edges(self, i: int, times: Floats) -> Floats:
+        """Return times in order, with those at which requirements of a craft begin or end."""
+        start, end = self.problem.base[i, [START, END]]
+        own = self.problem.requirements[i] if self.problem.requirements else ()
+        edges = np.unique([time for one in own for time in (one.start, one.end)])
+        edges = edges[(edges > start) & (edges < end)]
+        far = np.abs(edges[:, None] - times).min(axis=1) > AFTER * (end - start)
+        return np.sort(np.concatenate([times, edges[far]]))
+
     def paired(self, moments: Sequence[Moments]) -> list[Moments]:
         """Return moments for thrust on two sides of a cone: another one beside each, if thrust is steered.
 
