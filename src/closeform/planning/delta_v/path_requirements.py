@@ -157,7 +157,7 @@ class PathRequirements:
             if isinstance(one, ThrustRequirement):
                 about = 0.5 * widths
                 states = self.problem.path(self.flown)[i].state(times + about)
-                fresh, wide = one.cones(
+                fresh, wide = one._excluded(
                     times + about, states[:, :3], about, np.linalg.norm(states[:, 3:], axis=1)
                 )
                 wide = np.minimum(wide + np.radians(self.inward * one.reserve), pi / 2.0)

@@ -45,7 +45,9 @@ class ThrustRequirement(Requirement):
         spacecraft is at `places` (J, 3) [m] and its speed is at most `speeds` (J,) [m/s].
         """
 
-    def cones(self, times: Floats, places: Floats, about: Floats, speeds: Floats) -> tuple[Floats, Floats]:
+    def _excluded(
+        self, times: Floats, places: Floats, about: Floats, speeds: Floats
+    ) -> tuple[Floats, Floats]:
         """Return `_cones` during the requirement."""
         axes, angles = self._cones(times, places, about, speeds)
         during = (times + about >= self.start) & (times - about <= self.end)
@@ -90,7 +92,7 @@ class ThrustRequirement(Requirement):
         along = np.where(impulses[:, None], arcs[:, IMPULSE : IMPULSE + 3], path.thrust(middle))
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
         turned = np.where(arcs[:, PUSH + 3 :].any(axis=1), path.orbit.mean_motion * about, 0.0)
-        axes, angles = self.cones(middle, states[:, :3], about, speeds)
+        axes, angles = self._excluded(middle, states[:, :3], about, speeds)
         off = np.arccos(np.clip((axes * along).sum(axis=-1), -1.0, 1.0)) - angles - turned
         found: Floats = np.degrees(off.min(axis=0, initial=inf))
         return found
