@@ -76,8 +76,8 @@ class BurnSolver(ImpulseSolver):
         self.times = np.ptp(spans, axis=1)
         turns = problem.orbit._rate * self.times / (2.0 * pi)
         self.edges = [
-            self.requirements.with_edges(i, problem.orbit._spaced(*spans[i], SLOTS + ceil(A_TURN * own) + 1))
-            for i, own in enumerate(turns)
+            self.requirements.with_edges(i, problem.orbit._spaced(start, end, SLOTS + ceil(A_TURN * own) + 1))
+            for i, ((start, end), own) in enumerate(zip(spans, turns, strict=True))
         ]
         slots = map(Moments.slots, self.edges)
         self.grid = [

@@ -93,8 +93,8 @@ class ImpulseSolver:
         base = problem.base
         turns = problem.orbit._rate * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = problem.orbit._spaced(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns))
-        times = [self.requirements.with_edges(i, row) for i, row in enumerate(times)]
-        grid = self.requirements.paired(list(map(Moments.every, times, self.pushes.counts)))
+        begun = [self.requirements.with_edges(i, row) for i, row in enumerate(times)]
+        grid = self.requirements.paired(list(map(Moments.every, begun, self.pushes.counts)))
         self.grid = self.requirements.allowed(grid)
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
