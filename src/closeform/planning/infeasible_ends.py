@@ -137,7 +137,7 @@ def shadow(zone: Zone) -> Floats:
 def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[str]) -> str:
     """Return a description of an end that is safe by eccentricity and inclination."""
     zone = problem.zones[problem.kinds[problem.index[pair]]]
-    if not problem.orbit.mean_motion or not zone.bounded:
+    if problem.beside is not None or not problem.orbit.mean_motion or not zone.bounded:
         return f"move that {end}, or reduce drift"
     swing = f"{ROOMY * zone.radius:.4g}"
     return (
@@ -150,7 +150,7 @@ def unseparated(problem: Problem, names: Sequence[str]) -> str:
     """Return suggestions: another end for an arrival without cross-track separation, else more time."""
     found = (
         [(separation(problem, i, j), (i, j)) for i, j in problem.pairs.tolist() if problem.count <= j]
-        if problem.orbit.mean_motion
+        if problem.beside is None and problem.orbit.mean_motion
         else []
     )
     if not found or min(found)[0] > ON:

@@ -92,6 +92,8 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
     Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
     `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
     """
+    if problem.drift is not None and problem.beside is not None:
+        return Outcome(None, (), nan, MARGINS[0], False, 0)  # planned for Hill's equations only
     if problem.drift is not None:
         from closeform.planning.passive.passive_search import PassiveSearch
 
@@ -172,7 +174,9 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
     reaches = 1.0 / sizes - problem.sigmas * spread
     places = problem.path(flown)._at(pairs[:, 0], lost)
     if failed.any():
-        places[failed] = (problem.orbit.transition(drifts[failed]) @ places[failed, :, None])[..., 0]
+        places[failed] = (problem.orbit.transition(drifts[failed], lost[failed]) @ places[failed, :, None])[
+            ..., 0
+        ]
     # normals are means of gradients of the norm; along each gradient a zone's extent is 1
     forces = contacts.multipliers * sizes
     columns = contacts.times, *pairs.T, forces, reaches, np.where(failed, lost, nan), spread

@@ -65,7 +65,8 @@ def attempt(request: Request, more: bool = False) -> Plan:
     one, other = (request.names[k] for k in unsafe)
     reason = (
         f"a loss of thrust on the clear plan may bring {one} and {other} together, and passive safety is "
-        f"only verified in {request.orbit._model}: end farther away, or reduce drift"
+        f'only verified at minimum energy in {request.orbit._model}: set cost "delta-v", which plans it, end '
+        "farther away, or reduce drift"
     )
     return replace(without_paths(plan, Status.NOT_FOUND, reason), blocked=unsafe)
 

@@ -312,8 +312,8 @@ class Request:
 
     @property
     def verifies_drift(self) -> bool:
-        """True if passive safety is only verified, as beside a chief that is not on a circle."""
-        return self.drift is not None and isinstance(self.orbit, ChiefOrbit)
+        """True if passive safety is only verified: of minimum energy beside a chief not on a circle."""
+        return self.drift is not None and isinstance(self.orbit, ChiefOrbit) and self.cost == "energy"
 
     def problem(self) -> Problem:
         """Return the planning problem of this request: a new one each time with `drift` or errors."""

@@ -32,6 +32,7 @@ FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 Failing = Literal["path", "other", "either", "both"]
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
 LOSSES = 200, *(21,) * 5  # instants of a loss of thrust beside any chief: over the path, then near the worst
+AMID = 33  # shares of an impulse after which thrust is lost
 CERTAIN = 0.999, 0.99, 0.9  # of the minimum found there: norms of which one is proven as a bound
 
 
@@ -200,18 +201,30 @@ def _after_loss(
     """Return the worst loss of thrust: its time, that of the minimum norm, the norm, distance and a bound.
 
     The zone is around `meets`, or around `fails` if not `around`.  The instant of loss is refined between
-    samples.  The bound is the largest of some norms that no loss at any instant goes below.
+    samples; amid an impulse, shares of it are sampled.  The bound is the largest of some norms that no loss
+    at any instant goes below.
     """
     thrusts = fails.arcs[:, THRUST:].any() or fails.arcs[:, IMPULSE : IMPULSE + 3].any()
     low, high = float(fails.start), min(float(fails.end), np.nextafter(end, -np.inf))
     worst = np.nan, np.nan, np.inf, np.inf
-    for count in LOSSES if thrusts else (1,):
-        times = np.linspace(low, high, count)
-        drifts = fails.orbit.coast(fails.state(times), end - times, times)
+
+    def examined(times: Floats, states: Floats) -> int:
+        nonlocal worst
+        drifts = fails.orbit.coast(states, end - times, times)
         near = closest_approach(*((drifts, meets) if around else (meets, drifts)), zone)
         k = int(np.argmin(near.ratio))
         if near.ratio[k] < worst[2]:
             worst = times[k], near.time[k], near.ratio[k], near.distance[k]
+        return k
+
+    for at, jump in fails.impulses:
+        if at < end:
+            states = np.repeat(fails.state(at)[None], AMID, axis=0)
+            states[:, 3:] -= np.linspace(1.0, 0.0, AMID)[:, None] * jump
+            examined(np.full(AMID, at), states)
+    for count in LOSSES if thrusts else (1,):
+        times = np.linspace(low, high, count)
+        k = examined(times, fails.state(times))
         low, high = times[max(k - 1, 0)], times[min(k + 1, count - 1)]
     at, time, ratio, distance = map(float, worst)
     if not thrusts or ratio == np.inf:

@@ -101,7 +101,7 @@ def adrift(
 
     Both craft are planned, or one is planned and the other does not avoid it.
     """
-    hill = scenario.orbit.model == "hill"  # otherwise passive safety is only checked afterwards
+    hill = scenario.orbit.model == "hill"  # otherwise the planner finds it, or a check afterwards
     safe = hill and isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
     joint = isinstance(stage, Joint)
     if (

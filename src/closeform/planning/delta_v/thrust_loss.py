@@ -102,6 +102,10 @@ class ImpulseFailures:
 
     def safe_paths(self, margin: float) -> Iterator[Contacts]:
         """Yield contacts of passively safe paths of minimum energy from random starts."""
+        if (
+            self.problem.beside is not None
+        ):  # paths of minimum energy are planned with a drift in Hill's equations
+            return
         search, known = PassiveSearch(self.problem, margin, None, False), np.empty(0)
         for number in range(MORE_STARTS + STARTS):
             if self.problem.effort.beyond(STARTING):
@@ -141,7 +145,8 @@ class ImpulseFailures:
         most = max(map(len, moments))
         table = np.array([np.pad(row, (0, most - len(row)), mode="edge") for row in moments])
         self.problem.effort.used += most * len(self.scene.times) * len(self.scene.pairs)
-        number = find_failures(self.scene, arcs, own, table, self.unshifted, REACH, self.room, self.norms)
+        motion = self.problem._own_rows(wide)
+        number = find_failures(self.scene, *motion, table, self.unshifted, REACH, self.room, self.norms)
         planes, nearest = self.planes(wide, self.room.first(number), self.norms[:number].copy())
         if self.holding:
             planes = planes.joined(known.some(self.unlike(known, planes)))
@@ -269,11 +274,11 @@ def widened(orbit: Orbit, rows: Floats, brief: float) -> Floats:
                 found[-1][END] = at - brief
             before, burn = state - np.concatenate([np.zeros(3), push]), np.zeros(WIDTH)
             burn[[START, END, MEAN_MOTION]] = at - brief, at + brief, row[MEAN_MOTION]
-            burn[STATE : STATE + 6] = orbit.transition(-brief) @ before
+            burn[STATE : STATE + 6] = orbit.transition(-brief, at) @ before
             burn[PUSH : PUSH + 3] = push / (2.0 * brief)
             coast[IMPULSE : IMPULSE + 3] = 0.0
             coast[START], coast[END] = at + brief, max(row[END], at + brief)
-            coast[STATE : STATE + 6] = orbit.transition(brief) @ state
+            coast[STATE : STATE + 6] = orbit.transition(brief, at) @ state
             found.append(burn)
         found.append(coast)
     return np.array(found)

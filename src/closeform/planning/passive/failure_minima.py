@@ -11,12 +11,13 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, state_at
+from closeform.motion.arc import END, MEAN_MOTION, START, primer_at
 from closeform.motion.certified_march import locate
-from closeform.motion.hill import coast, oscillation
-from closeform.planning.problem.approaches import sample_body, slide, spread
+from closeform.motion.hill import coast
+from closeform.planning.problem.approaches import sample_path, slide, spread
 from closeform.planning.problem.contacts import turn_normal
-from closeform.planning.problem.relative_motion import add_body, add_coasting, in_zone, motion_after
+from closeform.planning.problem.natural_motion import add_natural, fill_flow
+from closeform.planning.problem.relative_motion import add_body, in_zone, motion_after, state_at_loss
 from closeform.planning.problem.rounded_norm import norm_rate, rounded_norm
 from closeform.planning.problem.scene import CONTACTS, INDICES, NUMBERS, ROWS, SCENE
 from closeform.zones.shapes import BALL, norm
@@ -30,38 +31,37 @@ STRIDE, DAMPED = 0.01, 1e-3  # maximum step, of all time; damping of a step
 
 
 @kernel()
-def fill_clock(n, start, times, clock):
-    """Fill `clock` (4, T): the time since the start, and P_0, P_1, P_2 of it."""
-    for k in range(len(times)):
-        p0, p1, p2 = oscillation(n, times[k] - start)
-        clock[0, k], clock[1, k], clock[2, k], clock[3, k] = times[k] - start, p0, p1, p2
+def fill_drifts(scene, kind, drifts):
+    """Fill `drifts` (3, 6, T): positions at the samples, in zone coordinates, of states at the first time."""
+    flow, matrix = stack_matrix(3, 6), scene.matrices[kind]
+    for k in range(len(scene.times)):
+        fill_flow(scene, scene.times[k], flow)
+        for i in range(3):
+            for j in range(6):
+                drifts[i, j, k] = (
+                    matrix[i, 0] * flow[0, j] + matrix[i, 1] * flow[1, j] + matrix[i, 2] * flow[2, j]
+                )
 
 
 @kernel()
-def lost_state(scene, arcs, offsets, craft, s, out):
-    """Fill `out` (6,) with the state at the first time of the free drift after a loss of thrust at s."""
-    arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], s)]
-    n, x = arc[MEAN_MOTION], state_at(arc, s)
-    back = coast(n, scene.span[0] - s, x[0], x[1], x[2], x[3], x[4], x[5])
-    for i in range(6):
-        out[i] = back[i]
-
-
-@kernel()
-def fill_gaps(n, lost, clock, matrix, other, first, gaps):
+def fill_gaps(lost, drifts, matrix, other, first, gaps):
     """Fill `gaps` (3, T) with the relative positions of a natural motion to another body, from `first` on.
 
     They are in zone coordinates.
     """
-    x, y, z, vx, vy, vz = lost[0], lost[1], lost[2], lost[3], lost[4], lost[5]
-    ax = n * (3.0 * n * x + 2.0 * vy)
-    for k in range(first, clock.shape[1]):
-        t, p0, p1, p2 = clock[0, k], clock[1, k], clock[2, k], clock[3, k]
-        gx = x + vx * p0 + ax * p1 - other[0, k]
-        gy = y + vy * t - 2.0 * n * (vx * p1 + ax * p2) - other[1, k]
-        gz = z - n * n * z * p1 + vz * p0 - other[2, k]
-        for i in range(3):
-            gaps[i, k] = matrix[i, 0] * gx + matrix[i, 1] * gy + matrix[i, 2] * gz
+    for i in range(3):
+        a, b, c = matrix[i, 0], matrix[i, 1], matrix[i, 2]
+        x, y, z, vx, vy, vz = lost[0], lost[1], lost[2], lost[3], lost[4], lost[5]
+        for k in range(first, gaps.shape[1]):
+            gaps[i, k] = (
+                x * drifts[i, 0, k]
+                + y * drifts[i, 1, k]
+                + z * drifts[i, 2, k]
+                + vx * drifts[i, 3, k]
+                + vy * drifts[i, 4, k]
+                + vz * drifts[i, 5, k]
+                - (a * other[0, k] + b * other[1, k] + c * other[2, k])
+            )
 
 
 @kernel()
@@ -83,8 +83,8 @@ def drifting_motion(scene, arcs, offsets, which, side, lost, t, out):
     """Fill the relative motion of a pair with one body on a natural motion, in zone coordinates."""
     sign = 1.0 if side == 0 else -1.0
     out[:] = 0.0
-    add_coasting(scene.base[0, MEAN_MOTION], t - scene.span[0], lost, out, sign)
-    add_body(scene, arcs, offsets, scene.pairs[which, 1 - side], t, 3, out, -sign)
+    add_natural(scene, t, lost, out, sign)
+    add_body(scene, arcs, offsets, scene.pairs[which, 1 - side], t, out, -sign)
     in_zone(scene, which, out)
 
 
@@ -159,31 +159,33 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
     """
     arcs, offsets = borrowed(arcs), borrowed(offsets)
     craft, count, times = len(scene.base), 0, scene.times
-    n = scene.base[0, MEAN_MOTION]
     places = np.empty((len(scene.states), 3, len(times)))
-    states, clock = np.empty((len(times), 6)), np.empty((4, len(times)))
-    gaps, squares = np.empty((3, len(times))), np.empty(len(times))
-    fill_clock(n, scene.span[0], times, clock)
+    states, drifts = np.empty((len(times), 6)), np.empty((3, 6, len(times)))
+    gaps, squares, kind = np.empty((3, len(times))), np.empty(len(times)), -1
     for body in range(len(scene.states)):
         if body < craft:
-            sample_body(arcs, offsets[body], offsets[body + 1], times, states)
+            first, last = offsets[body], offsets[body + 1]
+            sample_path(scene.clock, arcs, first, last, times, scene.bases, states)
             spread(states, places[body])
         else:
             spread(scene.states[body], places[body])
     lost = np.empty(6)
     for which in range(len(scene.pairs)):
         matrix = scene.matrices[scene.kinds[which]]
+        if scene.kinds[which] != kind:
+            kind = scene.kinds[which]
+            fill_drifts(scene, kind, drifts)
         for side in range(2):
             body, other = scene.pairs[which, side], scene.pairs[which, 1 - side]
             if body >= craft:
                 continue
             for k in range(moments.shape[1]):
                 s = moments[body, k]
-                lost_state(scene, arcs, offsets, body, s, lost)
+                state_at_loss(scene, arcs, offsets, body, s, lost)
                 for i in range(6):
                     lost[i] += shifts[body, i] - shifts[other, i]
                 first = np.searchsorted(times, s)
-                fill_gaps(n, lost, clock, matrix, places[other], first, gaps)
+                fill_gaps(lost, drifts, matrix, places[other], first, gaps)
                 fill_squares(scene, scene.kinds[which], 1.0 - 2.0 * side, gaps, first, squares)
                 count = add_minima(
                     *(scene, arcs, offsets, which, side, s, lost, squares, first, reach),

@@ -14,7 +14,7 @@ from closeform.planning.passive.energy_descent import held, settled
 from closeform.planning.passive.relaxation_rounds import Relaxed, SafeTask
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.safety.drift_approach import SAME, failures_at
+from closeform.safety.drift_approach import SAME, drift_approach, failures_at, passively_safe
 from closeform.safety.drift_screen import worst_drifts
 from closeform.safety.failure_cells import side_of
 from closeform.safety.failure_search import RATIO, TIME
@@ -41,6 +41,8 @@ def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
 def failures_with_norms(problem: Problem, planned: Path, flown: Path) -> tuple[Contacts, Floats]:
     """Return the contacts of `failures`, and the norms (K,) there."""
     found, norms, end = Contacts.none(), [np.empty(0)], problem.last
+    if problem.beside is not None:
+        return failures_beside_chief(problem, planned, flown)
     sides = side_of(planned, ThrustLost(), end), side_of(flown, None, end)
     for kind, zone in enumerate(problem.zones):
         those = np.flatnonzero(problem.kinds == kind)
@@ -54,6 +56,28 @@ def failures_with_norms(problem: Problem, planned: Path, flown: Path) -> tuple[C
             found = found.joined(Contacts.at(which[unsafe], time, drifts))
             norms.append(rows[:, RATIO])
     return found, np.concatenate(norms)
+
+
+def failures_beside_chief(problem: Problem, planned: Path, flown: Path) -> tuple[Contacts, Floats]:
+    """Return `failures_with_norms` about a chief that is not on a circle."""
+    which, times, drifts, norms = [], [], [], []
+    for k, pair in enumerate(problem.pairs.tolist()):
+        for side in range(2):
+            craft, other = pair[side], pair[1 - side]
+            if craft >= problem.count:
+                continue
+            zone = problem.zones[problem.kinds[k]]
+            given = planned[craft], flown[other], zone.mirrored if side else zone, problem.last
+            if passively_safe(*given):
+                continue
+            worst = drift_approach(*given)
+            lost = worst.failed_at if worst.failed_at == worst.failed_at else planned[craft].start
+            which.append(k)
+            times.append(worst.time)
+            drifts.append([0.0, worst.time - lost] if side else [worst.time - lost, 0.0])
+            norms.append(worst.ratio)
+    found = np.array(which, dtype=np.int64), np.array(times, dtype=float)
+    return Contacts.at(*found, np.array(drifts).reshape(-1, 2)), np.array(norms)
 
 
 def shifts(problem: Problem, seed: int) -> Floats:

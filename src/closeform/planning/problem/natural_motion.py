@@ -13,9 +13,9 @@ import numpy as np
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import MEAN_MOTION
-from closeform.motion.chief.bernstein import TERMS, weights
-from closeform.motion.chief.clock import RATE, angle_at
+from closeform.motion.arc import MEAN_MOTION, acceleration
+from closeform.motion.chief.bernstein import TERMS, value_at, weights
+from closeform.motion.chief.clock import RATE, angle_at, pace
 from closeform.motion.chief.impulses import primer_rows
 from closeform.motion.chief.segments import FIRST, LAST
 from closeform.motion.chief_orbit import ChiefOrbit
@@ -109,3 +109,31 @@ def state_after(scene, t, until, state):
         state[i] = 0.0
         for j in range(6):
             state[i] += flow[i, j] * begun[j]
+
+
+@kernel()
+def add_natural(scene, t, begun, out, sign):
+    """Add `sign` times position, velocity and acceleration (rows) at time t of a state at the first time."""
+    if len(scene.clock) == 0:
+        n = scene.base[0, MEAN_MOTION]
+        moved = coast(n, t - scene.span[0], begun[0], begun[1], begun[2], begun[3], begun[4], begun[5])
+        bend = acceleration(n, moved[0], moved[2], moved[3], moved[4])
+        for i in range(3):
+            out[0, i] += sign * moved[i]
+            out[1, i] += sign * moved[3 + i]
+            out[2, i] += sign * bend[i]
+        return
+    s, line = angle_at(scene.clock, t), stack_vector(12)
+    w = window_of(scene.joints, s)
+    low, high = scene.joints[w], scene.joints[w + 1]
+    u = min(max((s - low) / (high - low), 0.0), 1.0)
+    speed = scene.clock[RATE] / (pace(scene.clock, s) * (high - low))  # du/dt
+    for i in range(6):
+        for b in range(TERMS):
+            line[b] = 0.0
+            for j in range(6):
+                line[b] += scene.flows[w, i, j, b] * begun[j]
+        value, slope = value_at(line, TERMS, u)
+        out[i // 3, i % 3] += sign * value
+        if i >= 3:
+            out[2, i - 3] += sign * slope * speed

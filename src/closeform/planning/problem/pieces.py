@@ -48,26 +48,32 @@ def weigh(clock, row, t, out):
 
 
 @kernel()
+def add_piece(clock, row, t, out, sign):
+    """Add `sign` times position, velocity and acceleration (rows) of a piece at time t to `out`."""
+    w = stack_matrix(3, 12)
+    weigh(clock, row, t, w)
+    for k in range(3):
+        for axis in range(3):
+            for b in range(TERMS):
+                out[k, axis] += sign * w[k, b] * row[PLACES + TERMS * axis + b]
+
+
+@kernel()
 def fill_gap(clock, one, other, t, out):
     """Fill the rows of `out` with position, velocity and acceleration of a piece relative to another."""
-    w, apart = stack_matrix(3, 12), stack_vector(36)
-    weigh(clock, one, t, w)
-    same = one[ORIGIN] == other[ORIGIN]  # in one window, where both have the same weights
-    for b in range(3 * TERMS):
-        apart[b] = one[PLACES + b] - other[PLACES + b] if same else one[PLACES + b]
-    for k in range(3):
-        for axis in range(3):
-            total = 0.0
-            for b in range(TERMS):
-                total += w[k, b] * apart[TERMS * axis + b]
-            out[k, axis] = total
-    if same:
+    out[:] = 0.0
+    if one[ORIGIN] != other[ORIGIN]:
+        add_piece(clock, one, t, out, 1.0)
+        add_piece(clock, other, t, out, -1.0)
         return
-    weigh(clock, other, t, w)
+    w, apart = stack_matrix(3, 12), stack_vector(36)  # in one window, where both have the same weights
+    weigh(clock, one, t, w)
+    for b in range(3 * TERMS):
+        apart[b] = one[PLACES + b] - other[PLACES + b]
     for k in range(3):
         for axis in range(3):
             for b in range(TERMS):
-                out[k, axis] -= w[k, b] * other[PLACES + TERMS * axis + b]
+                out[k, axis] += w[k, b] * apart[TERMS * axis + b]
 
 
 @kernel()

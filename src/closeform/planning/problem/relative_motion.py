@@ -1,10 +1,11 @@
 """Relative motion of two bodies in zone coordinates, under thrust or after its loss."""
 
 from closeform._jit import kernel
-from closeform.motion.arc import MEAN_MOTION, acceleration, derivatives_at, state_at
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import derivatives_at, state_at
 from closeform.motion.certified_march import locate
-from closeform.motion.hill import coast
-from closeform.planning.problem.pieces import fill_gap
+from closeform.planning.problem.natural_motion import add_natural, state_at_first
+from closeform.planning.problem.pieces import add_piece, fill_gap
 
 
 @kernel()
@@ -18,9 +19,30 @@ def row_of(scene, rows, offsets, body, t):
 
 
 @kernel()
-def add_body(scene, arcs, offsets, body, t, order, out, sign):
-    """Add `sign` times the derivatives of a body's position at time t to `out`."""
-    derivatives_at(row_of(scene, arcs, offsets, body, t), t, order, out, sign)
+def add_body(scene, rows, offsets, body, t, out, sign):
+    """Add `sign` times position, velocity and acceleration (rows) of a body at time t to `out`."""
+    row = row_of(scene, rows, offsets, body, t)
+    if len(scene.clock) == 0:
+        derivatives_at(row, t, 3, out, sign)
+    else:
+        add_piece(scene.clock, row, t, out, sign)
+
+
+@kernel()
+def state_at_loss(scene, rows, offsets, body, s, state):
+    """Fill `state` (6,) with the state at the first time of the drift after a loss of thrust at s."""
+    row = rows[locate(rows, offsets[body], offsets[body + 1], s)]
+    if len(scene.clock) == 0:
+        x = state_at(row, s)
+        for i in range(6):
+            state[i] = x[i]
+    else:
+        motion = stack_matrix(3, 3)
+        motion[:] = 0.0
+        add_piece(scene.clock, row, s, motion, 1.0)
+        for i in range(6):
+            state[i] = motion[i // 3, i % 3]
+    state_at_first(scene, s, state)
 
 
 @kernel()
@@ -48,28 +70,19 @@ def relative_motion(scene, arcs, offsets, which, t, out):
 
 
 @kernel()
-def add_coasting(n, drift, state, out, sign):
-    """Add `sign` times the derivatives of natural motion a `drift` after a state."""
-    x, y, z, vx, vy, vz = coast(n, drift, state[0], state[1], state[2], state[3], state[4], state[5])
-    ax, ay, az = acceleration(n, x, z, vx, vy)
-    out[0, 0], out[0, 1], out[0, 2] = out[0, 0] + sign * x, out[0, 1] + sign * y, out[0, 2] + sign * z
-    out[1, 0], out[1, 1], out[1, 2] = out[1, 0] + sign * vx, out[1, 1] + sign * vy, out[1, 2] + sign * vz
-    out[2, 0], out[2, 1], out[2, 2] = out[2, 0] + sign * ax, out[2, 1] + sign * ay, out[2, 2] + sign * az
-
-
-@kernel()
 def motion_after(scene, arcs, offsets, which, t, drifts, out):
-    """Fill `relative_motion` for craft without thrust for `drifts` (2,); a drift follows Hill's equations."""
+    """Fill `relative_motion` for craft without thrust for `drifts` (2,)."""
     if drifts[0] == 0.0 and drifts[1] == 0.0:
         relative_motion(scene, arcs, offsets, which, t, out)
         return
     out[:] = 0.0
+    lost = stack_vector(6)
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
         body, drift = scene.pairs[which, side], drifts[side]
         if drift > 0.0:
-            arc = arcs[locate(arcs, offsets[body], offsets[body + 1], t - drift)]
-            add_coasting(arc[MEAN_MOTION], drift, state_at(arc, t - drift), out, sign)
+            state_at_loss(scene, arcs, offsets, body, t - drift, lost)
+            add_natural(scene, t, lost, out, sign)
         else:
-            add_body(scene, arcs, offsets, body, t, 3, out, sign)
+            add_body(scene, arcs, offsets, body, t, out, sign)
     in_zone(scene, which, out)
