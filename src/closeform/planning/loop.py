@@ -28,7 +28,7 @@ From a problem to a plan:
 
 The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:
 
-                    zones            k sigma          loss of thrust    states, firing times
+                    zones            k sigma          loss of thrust    states, thrust
     energy          `energy/`        SigmaSearch
                     SafeTask         SafeTask         SafeTask          refused
     impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver
