@@ -165,13 +165,15 @@ def test_deflection_after_failures_has_minimum_energy():
     )
     pushed = problem.zones[0].matrix.T @ contacts.normals.T
 
-    def seen(one):
-        late = [
-            expm(hill(ORBIT.mean_motion) * d)[:3] @ one.state(s) for s, d in zip(failed, drifts, strict=True)
-        ]
-        return np.einsum("ik,ki->k", pushed, np.array(late))
+    def late(one):
+        flow = [expm(hill(ORBIT.mean_motion) * d)[:3] for d in drifts]
+        return np.einsum("kij,kj->ki", flow, one.state(failed))
 
-    assert seen(shaped) - seen(path) == pytest.approx(gram @ contacts.multipliers, rel=1e-9)
+    moved = np.einsum("ik,ki->k", pushed, late(shaped) - late(path))
+    assert moved == pytest.approx(gram @ contacts.multipliers, rel=1e-9)
+    apart = (late(path) - obstacle.position(failed + drifts)) @ problem.zones[0].matrix.T
+    apart /= np.linalg.norm(apart, axis=1)[:, None]  # outward at the place after the loss of thrust
+    assert problem.normals(problem.direct, contacts, -np.inf) == pytest.approx(apart, abs=1e-9)
     matrix = hill(ORBIT.mean_motion)
     nodes = np.union1d(np.linspace(0.0, duration, 800), failed)  # thrust jumps at nodes alone
     rows = np.zeros((12, len(nodes) - 1, 3))

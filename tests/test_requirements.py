@@ -1,10 +1,11 @@
-"""Approach corridors, speed limits, keep-in zones and quiet times, against a cone program and integration."""
+"""Requirements on states and thrust, against a cone program, a linear program and integration."""
 
 import clarabel
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
 import closeform as cf
@@ -131,6 +132,22 @@ def test_requirements_combine_with_zones_and_quiet_times():
     assert not any(600.0 < time < 900.0 for time, _ in plan.path.impulses)
 
 
+def test_passively_safe_plan_keeps_a_corridor_and_a_speed_limit():
+    """Outside 20 m a chaser that stops firing drifts clear of the station for an orbit."""
+    hold, zone = [0, -20.0, 0, 0, 0, 0], cf.Sphere(10.0)
+    station = ORBIT.coast(np.zeros(6), TIME + 2 * ORBIT.period)
+    wanted = {"obstacles": station, "cost": "delta-v", "if_blocked": ()}
+    plan = cf.reconfigure(
+        *(ORBIT, [START], [hold], TIME, zone), drift=ORBIT.period, requirements=[CONE, GLIDE], **wanted
+    )
+    states = plan.path.state(np.linspace(0.0, TIME, 20_001))
+    assert min(inside(None, states, name).min() for name in ("cone", "glide")) >= -1e-6
+    flow = np.array([expm(hill() * t)[:3] for t in np.linspace(0.0, ORBIT.period, 200)])
+    drifts = np.einsum("tij,kj->tki", flow, states[::50])
+    assert np.linalg.norm(drifts, axis=-1).min() >= 10.0 - 1e-3
+    assert plan.lower_bound <= plan.delta_v <= 1.02 * plan.lower_bound
+
+
 @pytest.mark.parametrize("limit", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_burns_keep_requirements_within_a_thrust_limit(limit):
     burns = planned(CONE, max_acceleration=limit)
@@ -139,6 +156,89 @@ def test_burns_keep_requirements_within_a_thrust_limit(limit):
     assert inside(None, burns.path.state(np.linspace(0, TIME, 20_001)), "cone").min() >= -1e-6
     impulses = planned(CONE)
     assert impulses.lower_bound <= burns.delta_v < 1.02 * impulses.delta_v
+
+
+def angles_to(axes, thrusts):
+    """Return the angles between axes (..., 3) and thrusts (..., 3)."""
+    sizes = np.linalg.norm(axes, axis=-1) * np.linalg.norm(thrusts, axis=-1)
+    return np.arccos(np.clip((np.asarray(axes) * thrusts).sum(axis=-1) / sizes, -1.0, 1.0))
+
+
+RADIAL = [cf.requirements.ThrustExclusion(direction=[x, 0, 0], half_angle=np.radians(40)) for x in (1, -1)]
+
+
+@pytest.mark.parametrize("end", [END, np.array([20, -50, 30, 0, 0.02, 0.01])])
+def test_thrust_stays_out_of_cones_at_hardly_more_than_the_least_cost(end):
+    """A linear program over a grid of times and allowed directions is the least cost, to its spacing."""
+    plan = cf.reconfigure(ORBIT, [START], [end], TIME, None, cost="delta-v", requirements=RADIAL)
+    thrusts = np.array([jump for _, jump in plan.path.impulses])
+    for axis in ([1, 0, 0], [-1, 0, 0]):
+        assert angles_to(axis, thrusts).min() >= np.radians(40)
+    turn, lean = np.meshgrid(
+        np.radians(np.arange(0, 360, 10)), np.radians([40, 50, 60, 75, 90, 105, 120, 130, 140])
+    )
+    allowed = np.stack([np.cos(lean), np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn)]).reshape(
+        3, -1
+    )
+    reach = np.hstack([expm(hill() * (TIME - t))[:, 3:] @ allowed for t in np.linspace(0.0, TIME, 61)])
+    scale = np.array([1, 1, 1, 1e3, 1e3, 1e3])
+    ends = scale * (end - expm(hill() * TIME) @ START)
+    least = linprog(np.ones(reach.shape[1]), A_eq=scale[:, None] * reach, b_eq=ends).fun
+    assert plan.lower_bound <= least * (1 + 1e-3)
+    assert plan.delta_v <= 1.005 * least
+
+
+def test_exhaust_misses_the_other_spacecraft_of_a_plan():
+    """Two spacecraft separate, and neither fires at the other; each impulse is checked by itself."""
+    begin, end = np.zeros((2, 6)), np.zeros((2, 6))
+    begin[:, 1], end[:, 1] = [-20, 20], [-100, 100]
+    plume = cf.requirements.Plume(half_angle=np.radians(30), range=60.0)
+    task = ORBIT, begin, end, 200.0, cf.Sphere(5.0)
+    struck = 0
+    for plan in (
+        cf.reconfigure(*task, cost="delta-v"),
+        cf.reconfigure(*task, cost="delta-v", requirements=plume),
+    ):
+        for own, other in ((0, 1), (1, 0)):
+            for time, jump in plan.paths[own].impulses:
+                away = plan.paths[other].position(time) - plan.paths[own].position(time)
+                if np.linalg.norm(away) < 60.0:
+                    struck += angles_to(away, -jump) < np.radians(30)
+        assert struck == 2  # of the first plan
+
+
+@pytest.mark.parametrize(
+    "engine", [{"max_acceleration": 1e-3}, {"thrusters": cf.Thrusters(np.vstack([np.eye(3), -np.eye(3)]))}]
+)
+def test_burns_and_thrusters_keep_out_of_a_turning_cone(engine):
+    n, wide = ORBIT.mean_motion, np.radians(60)
+    sun = cf.requirements.ThrustExclusion(direction=[-1, 0.3, 0], half_angle=wide, rate=-n)
+    plan = planned(sun, **engine)
+    assert plan.ok
+    impulses = plan.path.impulses
+    times = np.array([time for time, _ in impulses]) if impulses else np.linspace(0.0, TIME, 100_001)[1:-1]
+    thrusts = np.array([jump for _, jump in impulses]) if impulses else plan.path.thrust(times)
+    fires = thrusts.any(axis=1)
+    c, s = np.cos(n * times[fires]), np.sin(n * times[fires])
+    axes = np.stack([-c + 0.3 * s, 0.3 * c + s, 0.0 * c], axis=1)
+    assert angles_to(axes, thrusts[fires]).min() >= wide - 1e-9
+    assert not sun.holds(planned(**engine).path)
+
+
+def test_certificate_of_thrust_decides_to_a_hair():
+    """A cone turns past the constant thrust of a burn, and is nearest to it between samples."""
+    space = cf.Orbit(0.0)
+    burn = cf.reconfigure(
+        space, [np.zeros(6)], [[0, 0, 50, 0, 0, 1.0]], 100.0, None, cost="delta-v", max_acceleration=0.011
+    )
+    times = np.linspace(0.0, 100.0, 20_001)
+    thrusts = burn.path.thrust(times)
+    fires = np.linalg.norm(thrusts, axis=1) > 0.0
+    axes = np.stack([np.cos(0.02 * times), np.sin(0.02 * times), 0.4 + 0.0 * times], axis=1)
+    least = angles_to(axes[fires], thrusts[fires]).min()
+    for off in (-1e-5, 1e-5):
+        cone = cf.requirements.ThrustExclusion(direction=[1, 0, 0.4], half_angle=least + off, rate=0.02)
+        assert cone.holds(burn.path) is (off < 0.0)
 
 
 def test_certificate_finds_what_samples_miss():
@@ -175,6 +275,10 @@ def test_end_outside_is_refused_with_its_reason():
         (lambda: cf.requirements.SpeedLimit(limit=0.1, rate=1e-3), "axis: required with rate"),
         (lambda: cf.requirements.KeepIn(zone=5.0), "zone: "),
         (lambda: cf.requirements.NoThrust(start=5.0, end=5.0), "end: must be after start"),
+        (lambda: cf.requirements.Plume(half_angle=0.0, range=5.0), "half_angle: "),
+        (lambda: cf.requirements.Plume(half_angle=0.3, range=5.0, others=3.0), "others: "),
+        (lambda: cf.requirements.Plume(half_angle=0.3, range=5.0).holds(planned().path), "others: give"),
+        (lambda: cf.requirements.ThrustExclusion(direction=[0, 0, 0], half_angle=0.3), "direction: "),
     ],
 )
 def test_bad_requirements_are_named(call, message):
@@ -209,6 +313,8 @@ cost = "delta-v"
 corridor = { axis = [0, -1, 0], half_angle = "10 deg", radius = "0.5 m" }
 waypoints = [{ at = "20 min", position = "0 -80 0 m", tolerance = "20 m" }]
 no_thrust = [{ after = "10 min", until = "15 min" }]
+plume = { half_angle = "20 deg", range = "30 m" }
+thrust_exclusion = [{ direction = [0, 0, 1], half_angle = "30 deg", frame = "inertial", until = "30 min" }]
 """
 
 
@@ -222,11 +328,15 @@ def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
     mission = run(tmp_path, SCENARIO)
     stage = mission.results[1]
     assert mission.verdict.ok
-    assert {one.kind for one in stage.asked} == {"approach corridor", "waypoint", "time without thrust"}
+    kinds = "approach corridor", "waypoint", "time without thrust", "exhaust", "direction without thrust"
+    assert {one.kind for one in stage.asked} == set(kinds)
     times, path = np.linspace(300.0, 2700.0, 20_001), stage.after.path("Chaser")
     assert inside(None, path.state(times), "cone").min() >= -1e-6
     assert np.linalg.norm(path.state(1500.0)[:3] - [0, -80, 0]) <= 20.0
     assert not any(900.0 < time < 1200.0 for time, _ in path.impulses)
+    for time, jump in path.impulses:
+        if np.linalg.norm(away := path.position(time)) < 30.0:
+            assert angles_to(away, jump) >= np.radians(20)  # the station is at the origin
     wide = path.orbit.impulsive(path.state(300.0), path.state(2700.0), 2400.0, 300.0)
     assert not all(one.met for one in stage.result.kept(wide))
 

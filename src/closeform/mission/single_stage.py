@@ -13,7 +13,7 @@ from closeform.mission.mission_result import AvoidResult, StageResult, TransferR
 from closeform.mission.stage_margin import with_margin
 from closeform.mission.stage_start import StageStart, too_late
 from closeform.mission.thruster_firing import pulsed
-from closeform.motion.joining import join
+from closeform.motion.joining import join, stack
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Transfer
@@ -89,7 +89,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     limited = craft.limited and thrusters is None
     errors = {} if known is None else {"errors": known[0], "other_errors": known[1:], "sigmas": stage.sigmas}
 
-    required = built_all(stage, start.time, start.orbit.period)
+    bodies, wanted = stack([direct, *others]), built_all(stage, start.time, start.orbit.period)
+    required = {key: one._among(bodies, 0) for key, one in wanted.items()}
 
     def made(margin: Any) -> Plan:
         request = Request.of_path(

@@ -111,8 +111,8 @@ def avoid(
         known exactly.  An array holds the margins of all pairs of the path followed by the obstacles.
     requirements : Requirement, or sequence of these, default none
         Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
-        `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance), and times of `NoThrust`.  They require cost
-        "delta-v".  The lower bound counts them.
+        `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance); on its thrust: times of `NoThrust`,
+        `ThrustExclusion` and `Plume`.  They require cost "delta-v".  The lower bound counts those on states.
 
     Returns
     -------

@@ -28,7 +28,7 @@ From a problem to a plan:
 
 The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:
 
-                    zones            k sigma          loss of thrust    states, firing times
+                    zones            k sigma          loss of thrust    states, thrust
     energy          `energy/`        SigmaSearch
                     SafeTask         SafeTask         SafeTask          refused
     impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver
@@ -51,7 +51,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
-ROUNDS = 30  # maximum rounds after clear paths were found; fewer leave up to a per cent of the cost
+ROUNDS = 30  # maximum rounds; fewer leave up to a per cent of the cost
 NEARLY = 0.99  # norm above which planes are moved out by the shortfall: below it they still turn
 PATIENCE = 3  # clear rounds without a lower cost that end the rounds
 SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
@@ -137,16 +137,22 @@ def moved_out(aim: float, least: float, found: Candidate, nearly: float = NEARLY
     return 0.5 * (aim + least) if found.clear else aim + 1.0 - found.worst
 
 
+def fading(first: float, factor: float, last: float) -> tuple[float, ...]:
+    """Return accuracies from the first to the last, each `factor` times the one before."""
+    found = [first]
+    while found[-1] > last:
+        found.append(max(factor * found[-1], last))
+    return tuple(found)
+
+
 class Round(NamedTuple, Generic[C, P]):
-    """State of `Rounds`: the next program, its planes' distance and accuracy, and the results so far."""
+    """State of `Rounds`: the next program, its planes' distance, and the results so far."""
 
     program: P
     aim: float
-    accuracy: float
     found: C | None = None  # of the last round
     best: C | None = None
     idle: int = 0
-    last: float = inf  # accuracy of the round before
     turn: int = 0
     over: bool = False
 
@@ -155,42 +161,40 @@ class Round(NamedTuple, Generic[C, P]):
 class Rounds(Generic[C, P]):
     """Whole steps from any planes to the cheapest clear paths near them.
 
-    Paths that are clear stay clear when the planes turn, and their cost decreases.  Accuracies of the
-    programs go from `rough` to `fine`; only then are planes moved out.  With a `stride`, a round that is not
-    clear goes only so far that no pair moves by more than `stride` zones.
+    Paths that are clear stay clear when the planes turn, and their cost decreases.  Programs have the
+    `accuracies` of the first rounds, then always the last of these; only then are planes moved out.  With a
+    `stride`, a round that is not clear goes only so far that no pair moves by more than `stride` zones.
     """
 
     task: Any  # Task[C, P], with a stride SteppingTask[C, P]
-    bar: Callable[[Round[C, P]], float]  # cost above which a round ends the search
-    most: int = ROUNDS  # maximum rounds until there are clear paths
+    bar: Callable[[int], float]  # cost above which a round ends the search, by its number
+    most: int = ROUNDS  # maximum rounds
     stride: float = inf
-    rough: float = 0.0
-    fine: float = 0.0
-    finer: float = 0.0  # factor from round to round
+    accuracies: tuple[float, ...] = (0.0,)
     settled: float = SETTLED
     patience: int = PATIENCE
     nearly: float = NEARLY
     aim: float = 0.0  # first distance of the planes, if it is not the least
     steady: bool = False  # keep this distance
     first: bool = False  # end with the first clear paths
-    then: int = ROUNDS  # maximum rounds in all once there are clear paths
     relinearise: Callable[[C], P] | None = None  # other than the task's
 
     def init(self, program: P) -> Round[C, P]:
         """Return the state before the first round."""
-        return Round(program, self.aim or self.task.least, self.rough)
+        return Round(program, self.aim or self.task.least)
 
     def done(self, state: Round[C, P]) -> bool:
         """Return whether the rounds have settled, failed or reached their number."""
-        return state.over or state.turn >= (self.most if state.best is None else min(self.most, self.then))
+        return state.over or state.turn >= self.most
 
     def step(self, state: Round[C, P]) -> Round[C, P]:
         """Return the state after a round."""
-        found = self.task.minimise(state.program, state.accuracy, state.aim, self.bar(state))
+        accuracy = self.accuracies[min(state.turn, len(self.accuracies) - 1)]
+        found = self.task.minimise(state.program, accuracy, state.aim, self.bar(state.turn))
         if found is None:
             return state._replace(over=True)
         aim = state.aim
-        if state.accuracy == self.fine and not self.steady:
+        if accuracy == self.accuracies[-1] and not self.steady:
             aim = moved_out(aim, self.task.least, found, self.nearly)
         if self.stride < inf and state.found is not None and not found.clear:
             far = self.task.displacement(state.found, found)
@@ -200,8 +204,7 @@ class Rounds(Generic[C, P]):
         if over:
             return state._replace(best=best, over=True)
         program = (self.relinearise or self.task.relinearise)(found)
-        accuracy = max(self.fine, self.finer * state.accuracy)
-        return Round(program, aim, accuracy, found, best, idle, state.accuracy, state.turn + 1)
+        return Round(program, aim, found, best, idle, state.turn + 1)
 
     def judge(self, state: Round[C, P], found: C) -> tuple[C | None, int, bool]:
         """Return the best paths so far, the clear rounds without a lower cost, and if rounds are over."""
@@ -210,7 +213,7 @@ class Rounds(Generic[C, P]):
         gained = inf if state.best is None else state.best.cost - found.cost
         idle = 0 if gained > self.settled * found.cost else state.idle + 1
         level = abs(gained) < self.settled * found.cost or idle == self.patience
-        over = self.first or (level and state.last == self.fine)
+        over = self.first or (level and state.turn >= len(self.accuracies))
         return found if gained > 0.0 else state.best, idle, over
 
 

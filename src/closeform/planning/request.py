@@ -35,7 +35,8 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
-from closeform.planning.requirements.requirement import Requirement, StateRequirement
+from closeform.planning.requirements import NoThrust
+from closeform.planning.requirements.requirement import Requirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones
@@ -380,13 +381,11 @@ def check_orbit(orbit: Any, method: str, thrusters: Any, requirements: Any) -> A
     if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
         return orbit
     sets = any(own is not None for own in _as_tuple(thrusters))
-    states = any(
-        isinstance(one, StateRequirement) for own in _as_tuple(requirements) for one in _as_tuple(own)
-    )
+    others = any(not isinstance(one, NoThrust) for own in _as_tuple(requirements) for one in _as_tuple(own))
     refused = {
         "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
         "thrusters": (sets, "omit them, or give max_acceleration"),
-        "requirements: on states": (states, "omit them, or give NoThrust alone"),
+        "requirements": (others, "omit them, or give NoThrust alone"),
     }
     for name, (asked, remedy) in refused.items():
         if asked:

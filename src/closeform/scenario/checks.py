@@ -397,8 +397,9 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
                 yield f"{place}.{key}: a relative orbit {only}; give position and velocity"
         if getattr(stage, "follow", ()):
             yield f"{place}.follow: {only}; give burns"
-        if isinstance(stage, Avoid) and (stage.corridor or stage.speed_limit or stage.waypoints):
-            yield f"{place}: corridor, speed_limit and waypoints {only}; remove them"
+        if isinstance(stage, Avoid):
+            for key in set(stage.path_requirements) - {"no_thrust"}:
+                yield f"{place}.{key}: {only}; remove it"
         if (
             isinstance(stage, Avoid | Joint)
             and stage.cost == "delta-v"

@@ -1,7 +1,8 @@
 """Tables of a stage's requirements on the path of its craft, beyond keep-out zones."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +21,14 @@ from closeform.scenario.table import (
 )
 
 if TYPE_CHECKING:
-    from closeform.planning.requirements import ApproachCone, KeepIn, NoThrust, SpeedLimit
+    from closeform.planning.requirements import (
+        ApproachCone,
+        KeepIn,
+        NoThrust,
+        Plume,
+        SpeedLimit,
+        ThrustExclusion,
+    )
 
 Direction = Annotated[Vector, Field(strict=False)]
 Instant = Annotated[Duration, Reader(DURATION, least="zero")]
@@ -105,11 +113,73 @@ class QuietTime(Table):
         return NoThrust(start=begin, end=end)
 
 
+class Exhaust(Table):
+    """Cone of exhaust in which no other spacecraft may be while the craft fires."""
+
+    half_angle: AngleDeviation = setting('"20 deg"', "angle between axis and edge of the exhaust", ...)
+    range: Length = setting('"50 m"', "distance from which on the exhaust does no harm", ...)
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        yield from too_wide(self.half_angle)
+
+    def built(self, start: float, period: float) -> "Plume":
+        """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
+        from closeform.planning.requirements import Plume
+
+        return Plume(half_angle=self.half_angle, range=self.range)
+
+
+class Exclusion(Table):
+    """Cone of directions into which the craft must not thrust, such as towards the Sun."""
+
+    direction: Direction = setting("[-1, 0, 0]", "axis of the cone, in the rotating frame at time 0", ...)
+    half_angle: AngleDeviation = setting('"30 deg"', "angle between axis and surface", ...)
+    frame: Literal["orbit", "inertial"] = setting(
+        '"inertial"', "frame in which the axis is fixed: that of the orbit, or inertial", "orbit"
+    )
+    after: Instant | None = setting('"10 min"', "time after the start of the stage from which it holds")
+    until: Span | None = setting('"25 min"', "time after the start of the stage until which it holds")
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        if not any(self.direction):
+            yield "direction is zero; write for example [-1, 0, 0]"
+        yield from too_wide(self.half_angle)
+
+    def built(self, start: float, period: float) -> "ThrustExclusion":
+        """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
+        from closeform.planning.requirements import ThrustExclusion
+
+        return ThrustExclusion(
+            start=-inf if self.after is None else start + self.after.on(period),
+            end=inf if self.until is None else start + self.until.on(period),
+            direction=self.direction,
+            half_angle=self.half_angle,
+            rate=-2.0 * np.pi / period if self.frame == "inertial" else 0.0,
+        )
+
+
+def too_wide(half_angle: float) -> Iterator[str]:
+    """Yield the flaw of a half-angle that is not between 0 and 90 deg."""
+    if not 0.0 < half_angle < np.pi / 2.0:
+        yield "half_angle must be above 0 deg and below 90 deg; change it"
+
+
 def built_all(stage: Any, start: float, period: float) -> dict[str, Any]:
     """Return the requirements of a stage by their name in reports."""
-    single = {"approach corridor": stage.corridor, "speed limit": stage.speed_limit}
+    single = {
+        "approach corridor": stage.corridor,
+        "speed limit": stage.speed_limit,
+        "exhaust": stage.plume,
+    }
     found = {name: one.built(start, period) for name, one in single.items() if one is not None}
-    for name, several in (("waypoint", stage.waypoints), ("time without thrust", stage.no_thrust)):
+    lists = {
+        "waypoint": stage.waypoints,
+        "time without thrust": stage.no_thrust,
+        "direction without thrust": stage.thrust_exclusion,
+    }
+    for name, several in lists.items():
         for k, one in enumerate(several, 1):
             found[f"{name} {k}" if len(several) > 1 else name] = one.built(start, period)
     return found

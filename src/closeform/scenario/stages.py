@@ -12,7 +12,15 @@ from closeform.motion.orbit import Orbit
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.scenario.craft import Engine
 from closeform.scenario.formation import Destination, Goal, Target
-from closeform.scenario.path_requirements import ApproachSpeed, Corridor, Instant, QuietTime, Waypoint
+from closeform.scenario.path_requirements import (
+    ApproachSpeed,
+    Corridor,
+    Exclusion,
+    Exhaust,
+    Instant,
+    QuietTime,
+    Waypoint,
+)
 from closeform.scenario.quantity import Proving
 from closeform.scenario.table import (
     ALL,
@@ -282,11 +290,17 @@ class Avoid(Clearing):
     no_thrust: Annotated[tuple[QuietTime, ...], Field(strict=False)] = setting(
         '[{ after = "10 min", until = "25 min" }]', "times without thrust", ()
     )
+    plume: Exhaust | None = setting(
+        '{ half_angle = "20 deg", range = "50 m" }', "exhaust that must not hit the other spacecraft"
+    )
+    thrust_exclusion: Annotated[tuple[Exclusion, ...], Field(strict=False)] = setting(
+        '[{ direction = [-1, 0, 0], half_angle = "30 deg" }]', "directions without thrust", ()
+    )
 
     @property
     def path_requirements(self) -> tuple[str, ...]:
         """Keys of the requirements on the path, beyond zones."""
-        keys = "corridor", "speed_limit", "waypoints", "no_thrust"
+        keys = "corridor", "speed_limit", "waypoints", "no_thrust", "plume", "thrust_exclusion"
         return tuple(key for key in keys if getattr(self, key))
 
     @property

@@ -124,17 +124,32 @@ def piece_of(low: float, high: float) -> Floats:
 
 
 @kernel()
-def weights(u, out):
-    """Fill `out` (TERMS,) with B_i(u)."""
+def weights(u, out, degree=DEGREE):
+    """Fill `out` (degree + 1,) with B_i(u)."""
     v = 1.0 - u
     power = 1.0
-    for i in range(TERMS):
-        out[i] = CHOOSE[i] * power
+    for i in range(degree + 1):
+        out[i] = BINOMIAL[degree, i] * power
         power *= u
     power = 1.0
-    for i in range(DEGREE, -1, -1):
+    for i in range(degree, -1, -1):
         out[i] *= power
         power *= v
+
+
+@kernel()
+def derivatives_of_weights(u, out):
+    """Fill `out` (3, TERMS) with B_i(u) and its first two derivatives, which have lower degrees."""
+    two, one, v = out[2], out[1], 1.0 - u
+    weights(u, two, DEGREE - 2)
+    two[DEGREE - 1] = two[DEGREE] = 0.0
+    for i in range(TERMS):
+        one[i] = v * two[i] + (u * two[i - 1] if i > 0 else 0.0)
+    for i in range(DEGREE, -1, -1):  # in place, from the end
+        before = one[i - 1] if i > 0 else 0.0
+        second = two[i] - (2.0 * two[i - 1] if i > 0 else 0.0) + (two[i - 2] if i > 1 else 0.0)
+        out[0, i], one[i] = v * one[i] + u * before, DEGREE * (before - one[i])
+        two[i] = DEGREE * (DEGREE - 1) * second
 
 
 @kernel()

@@ -76,8 +76,8 @@ class BurnSolver(ImpulseSolver):
         self.times = np.ptp(spans, axis=1)
         turns = problem.orbit._rate * self.times / (2.0 * pi)
         self.edges = [
-            problem.orbit._spaced(start, end, SLOTS + ceil(A_TURN * own) + 1)
-            for (start, end), own in zip(spans, turns, strict=True)
+            self.requirements.with_edges(i, problem.orbit._spaced(start, end, SLOTS + ceil(A_TURN * own) + 1))
+            for i, ((start, end), own) in enumerate(zip(spans, turns, strict=True))
         ]
         slots = map(Moments.slots, self.edges)
         self.grid = [
@@ -218,7 +218,12 @@ class BurnSolver(ImpulseSolver):
         return float(min(FINEST * self.times[i], FINE / n) if n > 0.0 else FINEST * self.times[i])
 
     def following(self, found: Spent) -> list[Moments]:
-        """Return the slots of the next round, cut where burns begin and end."""
+        """Return the slots of the next round, cut where burns begin and end.
+
+        Thrust that alternates between sides of a cone would cut them without end; its slots stay.
+        """
+        if self.requirements.steer:
+            return found.moments
         sizes, following = sizes_of(found.impulses), super().following(found)
         for i, slots in enumerate(found.moments):
             if self.limits[i]:

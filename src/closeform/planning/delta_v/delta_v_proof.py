@@ -24,7 +24,7 @@ from closeform.motion.arc import END, START
 from closeform.planning.bounds.zone_pieces import Piece, pieces
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.firing_times import Moments
-from closeform.planning.delta_v.impulse_solver import LAST, ROUNDING, ImpulseSolver
+from closeform.planning.delta_v.impulse_solver import LAST, ImpulseSolver
 from closeform.planning.problem.problem import Flown, deepest
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.zone import scaled_norm
@@ -95,14 +95,14 @@ class DeltaVProof:
         planes = solver.planes(contacts, 1.0)
         for turn in range(PRICINGS):
             fleet = solver.fleet(moments)
-            found = solver.dual(fleet, planes, LAST, inf)
+            found = solver.priced(fleet, planes, LAST, inf)
             if found is None and turn == 0:  # contradictory for impulses at few times
                 moments = self.finer
                 continue
             if found is None:  # nothing is proven beyond the parent's bound
                 self.least = min(self.least, bound)
                 return
-            bound = max(bound, (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0))
+            bound = max(bound, found.least)
             if bound >= self.goal:
                 return
             if found.longest <= 1.0 + SHORT:

@@ -33,6 +33,7 @@ from closeform.planning.problem.scene import Contacts
 ONE, MANY = 6, 1  # starts examined for one craft and for many
 ALONE = 200  # for one craft without limit or drift, at a few ms each; most searches end sooner
 LEAST = 1.0 + 1e-6  # times the bound: further starts save no more than rounding
+ENOUGH = 1.01  # times the bound of requirements: more starts save too little
 FELT = 1e-6  # of delta-v, for a zone twice as large: cheaper contacts are dropped
 MORE = 4  # factor of the starts where none of these is clear
 STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures become critical farther away
@@ -85,7 +86,7 @@ def solve_impulses(
     def near() -> Spent | None:
         free, lasting = impulses.unconstrained(), by_energy()
         long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
-        problem.effort.used = 0.0  # impulses and burns near them keep their share
+        problem.effort.begin()  # after continuous thrust, impulses and the burns near them
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
         short = None if best is None else burns.tightened(best)
@@ -159,7 +160,8 @@ def solved(
 def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
     """Return the outcome of a search that found clear paths."""
     problem = solver.problem
-    touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
+    touched = solver.settled(best).some(best.pushing) if best.contacts.number else best.contacts
+    at, priced = best.flown, True
     if solver.failures is not None:
         touched = touched.some(touched.multipliers > FELT * best.delta_v)
         touched, priced = solver.failures.touching(at, touched)
@@ -250,7 +252,13 @@ def searched(
             if found is not None and solver.failures is not None and strayed(solver.problem, free, found):
                 continue
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
+            if near_bound(solver, best):
+                break
+        else:
+            begun.append(start)
+            continue
         begun.append(start)
+        break
     if solver.failures is not None:
         solver.failures.holding = False
     if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
@@ -259,10 +267,20 @@ def searched(
     if hop is not None and (best is None or hop.delta_v < best.delta_v):
         best = hop
     best = None if best is None else fewest(solver, best)
-    impulses_may_fail = solver.failures is not None and not solver.limits.any()
-    if impulses_may_fail and (best is None or best.delta_v > COSTLY * free.delta_v):
+    may_cost_less = solver.failures is not None and not solver.limits.any() and not near_bound(solver, best)
+    if may_cost_less and (best is None or best.delta_v > COSTLY * free.delta_v):
         best = roomier(solver, free, begun, best, until)
     return best, begun
+
+
+def near_bound(solver: ImpulseSolver, best: Spent | None) -> bool:
+    """Return whether paths cost hardly more than any that keep the requirements on single craft.
+
+    Only a loss of thrust has so many starts that the bound pays.
+    """
+    if best is None or solver.failures is None or not solver.problem.requirements:
+        return False
+    return best.delta_v <= ENOUGH * solver.requirement_bound(best)
 
 
 def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
@@ -369,8 +387,11 @@ def thrusting(problem: Problem, found: Outcome) -> Outcome:
 
 
 def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]) -> Outcome | None:
-    """Return safe paths of minimum energy where impulses cost far more and thrust is not fixed; else None."""
-    if solver.pushes.fixed.any():
+    """Return safe paths of minimum energy where impulses cost far more; else None.
+
+    They fire in any direction, and keep no requirements.
+    """
+    if solver.pushes.fixed.any() or solver.problem.requirements:
         return None
     found = thrusting(solver.problem, by_energy())
     if found.flown is None or not best.delta_v > DEAR * found.delta_v:

@@ -32,7 +32,7 @@ from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, si
 from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
-from closeform.planning.loop import ROUNDS, Round, Rounds, run
+from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
 
@@ -52,6 +52,8 @@ FOCUSING = 8  # maximum rounds with few times
 STEPS = 60  # maximum rounds of short steps to a first plan
 ROUNDING = 1e-12  # of a bound
 BOUNDING = 4  # rounds of the bound of requirements
+SHARED = 1e-3  # of the cost: change that ends rounds with requirements, whose planes alternate below it
+TURNS = 5  # of the half-spaces that keep thrust out of cones; fewer find no thrust between two cones
 PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of primers above 1
 INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
 DEARER, SAFER = 1.0002, 1.005  # cost ratio allowed for few impulses; with loss of thrust
@@ -87,12 +89,13 @@ class ImpulseSolver:
         self.needed = inf  # factor of these limits that is proven necessary
         self.least = AIM  # of a zone: minimum distance of planes
         self.closest = Closest()
-        self.requirements = PathRequirements(problem)
-        self.bound = 0.0  # on the delta-v [m/s] of all paths that keep the requirements, as far as known
+        self.requirements = PathRequirements(problem, self.pushes)
         base = problem.base
         turns = problem.orbit._rate * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = problem.orbit._spaced(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns))
-        self.grid = self.requirements.allowed(list(map(Moments.every, times, self.pushes.counts)))
+        begun = [self.requirements.with_edges(i, row) for i, row in enumerate(times)]
+        grid = self.requirements.paired(list(map(Moments.every, begun, self.pushes.counts)))
+        self.grid = self.requirements.allowed(grid)
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
@@ -142,13 +145,16 @@ class ImpulseSolver:
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
         """Return the cheapest clear paths found from a start; None without any well below `bar`."""
+        accuracies = fading(WIDEST, FINER, LAST)
 
-        def allowed(state: Round[Spent, Program]) -> float:
-            turning = state.accuracy > TURNING or self.failures is not None
-            return (1.0 + state.accuracy if turning else 1.0 - WORTH) * bar
+        def allowed(turn: int) -> float:
+            accuracy = accuracies[min(turn, len(accuracies) - 1)]
+            turning = accuracy > TURNING or self.failures is not None
+            return (1.0 + accuracy if turning else 1.0 - WORTH) * bar
 
         most = ROUNDS if stride == inf or bar < inf else STEPS
-        method = Rounds(self, allowed, most, stride, WIDEST, LAST, FINER)
+        settled = SHARED if self.problem.requirements else SETTLED
+        method: Rounds[Spent, Program] = Rounds(self, allowed, most, stride, accuracies, settled)
         found: Spent | None = run(method, Program(contacts, self.grid))
         return found
 
@@ -205,7 +211,7 @@ class ImpulseSolver:
 
     def following(self, found: Spent) -> list[Moments]:
         """Return the moments at which each craft may fire in the next round."""
-        return list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
+        return list(map(Moments.joined, self.grid, self.requirements.paired(found.peaks), found.fired(FIRED)))
 
     def focused(self, best: Spent) -> Spent:
         """Return the solution fired at few times near maxima of the primers, if that costs hardly more."""
@@ -278,7 +284,7 @@ class ImpulseSolver:
             return Program(contacts, after)
 
         method = Rounds(
-            *(self, lambda _: dearer * best.delta_v, FOCUSING, inf, LAST, LAST),
+            *(self, lambda _: dearer * best.delta_v, FOCUSING, inf, (LAST,)),
             aim=best.margin,
             relinearise=following,
             **options,
@@ -335,7 +341,6 @@ class ImpulseSolver:
         impulses, number = found.impulses, contacts.number
         contacts = contacts._replace(multipliers=found.multipliers[:number])
         felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
-        inward = self.requirements.inward * float(found.multipliers[number:] @ self.requirements.reserves)
         active = self.requirements.keep(found.multipliers[number:])
         keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
         flown = self.flown(fleet, impulses)
@@ -345,10 +350,7 @@ class ImpulseSolver:
         self.requirements.relinearise(checked.kept)
         self.closest.note(checked.worst, flown)
         spent = float(sizes_of(impulses).sum())
-        least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
-        if not number:
-            self.bound = max(self.bound, (1.0 - ROUNDING) * (found.cost - inward) / max(found.longest, 1.0))
-        return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)
+        return Spent(flown, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
 
     def checked(self, flown: Flown, contacts: Contacts) -> Checked:
         """Return conflicts of paths, with thrust and after its loss, and whether requirements are kept.
@@ -364,32 +366,53 @@ class ImpulseSolver:
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
         own = self.requirements
-        least, known = self.bound, (best.peaks, best.fired(IDLE), own.moments(self.pushes.counts))
+        least, known = 0.0, (best.peaks, best.fired(IDLE), own.moments(self.pushes.counts))
         moments = own.allowed(list(map(Moments.joined, self.grid, *known)))
         for _ in range(BOUNDING):
-            found = self.dual(self.fleet(moments), own.planes, LAST, inf)
+            found = self.priced(self.fleet(moments), own.planes, LAST, inf)
             if found is None:
                 break
-            least = max(least, (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0))
+            least = max(least, found.least)
+            if found.longest <= 1.0 + SETTLED:
+                break
             moments = list(map(Moments.joined, moments, found.peaks))
         return least
 
     def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
-        """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`."""
-        count = self.problem.count
-        dual = Dual(np.zeros((count, 6)), np.zeros(len(planes.times)))
+        """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`.
+
+        Thrust is kept out of the cones without thrust, which the bound does not count.
+        """
+        free = found = self.priced(fleet, planes, tolerance, bar)
+        halves = Planes.room(0)
+        for _ in range(TURNS if self.requirements.steer else 0):
+            if free is None or found is None:
+                return None
+            halves = self.requirements.half_spaces(fleet, found.impulses, halves)
+            found = self.priced(fleet, planes, tolerance, bar, halves)
+            found = found and found._replace(least=free.least)
+        return found
+
+    def priced(
+        self, fleet: Fleet, planes: Planes, tolerance: float, bar: float, halves: Planes | None = None
+    ) -> Priced | None:
+        """Return the minimum cost, also with planes of single moments; None above `bar`."""
+        count, number = self.problem.count, len(planes.times)
+        every = planes if halves is None else planes.joined(halves)
+        dual = Dual(np.zeros((count, 6)), np.zeros(len(every.times)))
         impulses = np.zeros((*fleet.times.shape, 3))
-        cost, needed = price(fleet, planes, tolerance, bar, dual, impulses)
+        cost, needed = price(fleet, every, tolerance, bar, dual, impulses)
         if cost == inf:
             self.needed = min(self.needed, needed) if needed > 1.0 else self.needed
             return None
+        dual = Dual(dual.starts, dual.multipliers[:number])
         instants, which = np.empty((count, ROOM)), np.empty((count, ROOM), dtype=np.int64)
         counts = np.zeros(count, dtype=np.int64)
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
         found = zip(instants, which, counts, strict=True)
         peaks = [Moments.instants(times[:number], own[:number]) for times, own, number in found]
-        peaks = self.requirements.allowed(peaks)
-        return Priced(cost, dual.multipliers, impulses, longest, peaks)
+        peaks, least = self.requirements.allowed(peaks), (1.0 - ROUNDING) * cost / max(longest, 1.0)
+        return Priced(cost, dual.multipliers, impulses, longest, least, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
         """Return all craft with the moments at which they may fire."""

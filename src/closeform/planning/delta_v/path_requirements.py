@@ -1,31 +1,36 @@
 """Requirements on single spacecraft as planes of the program, and as times at which it may fire.
 
 The planes support the sets of the requirements at states outside of them, on all paths so far.  They cut off
-no path that keeps the requirements.
+no path that keeps the requirements.  Cones without thrust are those at the places of the last paths; planes
+of single moments keep thrust out of them.
 """
 
 from collections.abc import Sequence
-from math import inf
+from math import inf, pi
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, STATE
-from closeform.planning.delta_v.dual.fleet import Planes
-from closeform.planning.delta_v.firing_times import Moments
+from closeform.planning.delta_v.dual.fleet import Fleet, Planes
+from closeform.planning.delta_v.firing_times import Moments, Pushes
 from closeform.planning.problem.problem import Flown, Problem
 from closeform.planning.requirements.requirement import AFTER, Requirement
+from closeform.planning.requirements.thrust_directions import ThrustRequirement
 
 ACTIVE = 1e-6  # of the largest multiplier: planes below it are dropped
+ALONG = 1e-6  # of a thrust: smaller parts perpendicular to a cone's axis are rounding
+PAIRED = 1e-3  # of a craft's time: between impulses on opposite sides of a cone
 SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
 
 
 class PathRequirements:
     """Requirements on each craft of a problem, with their planes."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, pushes: Pushes) -> None:
+        self.problem, self.pushes = problem, pushes
+        self.flown = problem.direct  # last paths
         self.planes, self.reserves = Planes.room(0), np.empty(0)
         self.inward = 1.0  # factor of the reserves
         self.outside = 0.0  # shortfall of the last paths, in reserves
@@ -33,7 +38,7 @@ class PathRequirements:
     def violations(self, flown: Flown) -> float:
         """Add planes where paths leave the requirements; return the largest shortfall in reserves."""
         paths, short = self.problem.path(flown), -inf
-        for i, own in enumerate(self.problem.requirements):
+        for i, own in enumerate(self.among(flown)):
             for one in own:
                 worst, times, states = one._worst(paths[i])
                 fresh = self.supporting(i, one, times, states)
@@ -45,9 +50,15 @@ class PathRequirements:
     def hold(self, flown: Flown) -> bool:
         """Return whether paths keep all requirements, by proof; add planes where they do not."""
         self.outside, paths = max(self.violations(flown), 0.0), self.problem.path(flown)
+        self.flown = flown
         return self.outside == 0.0 and all(
-            one.holds(paths[i]) for i, own in enumerate(self.problem.requirements) for one in own
+            one.holds(paths[i]) for i, own in enumerate(self.among(flown)) for one in own
         )
+
+    def among(self, flown: Flown) -> list[list[Requirement]]:
+        """Return the requirements of each craft, among the paths of all bodies."""
+        bodies = self.problem.bodies(flown)
+        return [[one._among(bodies, i) for one in own] for i, own in enumerate(self.problem.requirements)]
 
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
         """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
@@ -92,13 +103,95 @@ class PathRequirements:
         return found
 
     def allowed(self, moments: Sequence[Moments]) -> list[Moments]:
-        """Return the moments of each craft at which no requirement forbids to fire."""
+        """Return the moments of each craft at which, and with the direction in which, it may fire."""
         if not self.problem.requirements:
             return list(moments)
         found = []
-        for own, requirements in zip(moments, self.problem.requirements, strict=True):
+        for i, (own, requirements) in enumerate(zip(moments, self.problem.requirements, strict=True)):
             free = np.ones(len(own.times), dtype=bool)
             for one in requirements:
                 free &= ~one._forbids(own.times, own.times + own.widths)
+            axes, angles = self.cones(i, own.times, own.widths)
+            if self.pushes.fixed[i]:
+                along = self.pushes.along(own.which[None], own.times[None])[0]
+                free &= (np.arccos(np.clip((axes * along).sum(axis=-1), -1.0, 1.0)) >= angles).all(axis=0)
+            free &= (angles < pi / 2.0).all(axis=0)  # no half-space is outside of a wider cone
             found.append(own.some(free))
         return found
+
+    def with_edges(self, i: int, times: Floats) -> Floats:
+        """Return times in order, with those at which requirements of a craft begin or end."""
+        start, end = self.problem.base[i, [START, END]]
+        own = self.problem.requirements[i] if self.problem.requirements else ()
+        edges = np.unique([time for one in own for time in (one.start, one.end)])
+        edges = edges[(edges > start) & (edges < end)]
+        far = np.abs(edges[:, None] - times).min(axis=1) > AFTER * (end - start)
+        return np.sort(np.concatenate([times, edges[far]]))
+
+    def paired(self, moments: Sequence[Moments]) -> list[Moments]:
+        """Return moments for thrust on two sides of a cone: another one beside each, if thrust is steered.
+
+        Thrusters in fixed directions get times of their own, because two at once add up to one thrust.
+        """
+        if not self.steer:
+            return list(moments)
+        found = []
+        for i, (own, (start, end)) in enumerate(
+            zip(moments, self.problem.base[:, [START, END]], strict=True)
+        ):
+            fixed, apart = self.pushes.fixed[i], PAIRED * (end - start)
+            later = apart * (own.which / self.pushes.counts[i] if fixed else own.widths == 0.0)
+            times = np.where(own.times + later <= end, own.times + later, own.times - later)
+            found.append(own._replace(times=times).joined(*([] if fixed else [own])))
+        return found
+
+    @property
+    def steer(self) -> bool:
+        """True if any requirement excludes directions of thrust."""
+        return any(isinstance(one, ThrustRequirement) for own in self.problem.requirements for one in own)
+
+    def cones(self, i: int, times: Floats, widths: Floats) -> tuple[Floats, Floats]:
+        """Return axes (C, J, 3) and half-angles (C, J) without thrust of a craft, during moments (J,)."""
+        axes, angles = np.empty((0, len(times), 3)), np.empty((0, len(times)))
+        for one in self.among(self.flown)[i]:
+            if isinstance(one, ThrustRequirement):
+                about = 0.5 * widths
+                states = self.problem.path(self.flown)[i].state(times + about)
+                fresh, wide = one._excluded(
+                    times + about, states[:, :3], about, np.linalg.norm(states[:, 3:], axis=1)
+                )
+                wide = np.minimum(wide + np.radians(self.inward * one.reserve), pi / 2.0)
+                axes, angles = np.concatenate([axes, fresh]), np.concatenate([angles, wide])
+        return axes, angles
+
+    def half_spaces(self, fleet: Fleet, impulses: Floats, before: Planes) -> Planes:
+        """Return planes that keep impulses (N, J, 3) out of the cones without thrust.
+
+        They restrict the moments whose impulse is in a cone, and those of the planes `before`.  Neighbours
+        begin on opposite sides of a cone, so that both together can thrust along its axis.
+        """
+        found = []
+        for i, count in enumerate(fleet.counts):
+            times, given = fleet.times[i, :count], impulses[i, :count]
+            axes, angles = self.cones(i, times, fleet.widths[i, :count])
+            sizes = np.linalg.norm(given, axis=1, keepdims=True)
+            along = given / np.where(sizes > 0.0, sizes, 1.0)
+            share = (axes * along).sum(axis=-1)
+            old = np.isin(times, before.moments[before.first == i])
+            held = old | (np.arccos(np.clip(share, -1.0, 1.0)) < angles)
+            which, j = np.nonzero(held & np.isfinite(angles) & ~fleet.along[i, :count].any(axis=1))
+            axes, angles, planes = axes[which, j], angles[which, j, None], Planes.room(len(j))
+            across = along[j] - share[which, j, None] * axes
+            across = np.where(np.abs(across).max(axis=1, keepdims=True) > ALONG, across, beside(axes))
+            across *= np.where(old[j] | (j % 2 == 0), 1.0, -1.0)[:, None]
+            across /= np.linalg.norm(across, axis=1, keepdims=True)
+            planes.rows[:, 3:] = np.cos(angles) * across - np.sin(angles) * axes
+            planes.times[:], planes.misses[:], planes.moments[:] = times[j], 0.0, times[j]
+            planes.first[:], planes.second[:], planes.cuts[:] = i, -1, times[j, None]
+            found.append(planes)
+        return Planes.room(0).joined(*found)
+
+
+def beside(axes: Floats) -> Floats:
+    """Return directions (K, 3) perpendicular to unit vectors (K, 3)."""
+    return np.cross(axes, np.eye(3)[np.abs(axes).argmin(axis=1)])

@@ -23,7 +23,6 @@ BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # (pairs, maximum 
 PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one that end the search
 EDGED = 2  # factor of the candidates where zones have edges, with many local optima
 MORE = 24  # additional candidates where none is clear
-HOPELESS = 1.6  # times the best energy: starts with a higher estimate are skipped
 SIMILAR = 1e-7  # relative saving by which a solution counts as better
 DRAWN = 4  # every DRAWN-th candidate begins with random sides, for diversity
 ALIKE = 0.1  # of the window and of a normal: closer starts are examined once
@@ -89,10 +88,7 @@ class Search:
             while self.unranked:
                 self.push_turns(self.unranked.pop())
             if self.queue and (self.alone or self.tried % DRAWN):
-                cost, _, turn = heapq.heappop(self.queue)
-                if self.best is not None and cost > HOPELESS * self.best.energy and not self.more:
-                    self.queue.clear()
-                    continue
+                _, _, turn = heapq.heappop(self.queue)
                 if self.is_new(start := turn.start):
                     self.examine(start, self.nearby)
             elif self.best is not None and (self.alone or (few and not self.queue)):

@@ -16,7 +16,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.planning.energy.plane_program import TOGETHER, press_in
-from closeform.planning.loop import Round, Rounds, run
+from closeform.planning.loop import Round, Rounds, fading, run
 from closeform.planning.passive.failure_minima import find_failures, slide_failures
 from closeform.planning.problem.deflection import fly, room_for
 from closeform.planning.problem.problem import MARGIN, Closest, Flown, Problem
@@ -135,9 +135,8 @@ class SafeTask:
         """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
         cheap = bar < CHEAP * self.direct_energy
         method = SoftRounds(
-            *(self, lambda _: inf, ROUNDS, inf, max(soft, HARD), HARD, FADE, STEADY, HOPELESS),
+            *(self, lambda _: inf, ROUNDS, inf, fading(max(soft, HARD), FADE, HARD), STEADY, HOPELESS),
             steady=True,
-            then=ROUNDS,
             beaten=GIVEN_UP * bar,
             blind=BLIND if cheap else ROUNDS,
         )

@@ -8,7 +8,7 @@ from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, stack_matrix, stack_vector
 from closeform.planning.problem.approaches import slide
-from closeform.planning.problem.relative_motion import relative_motion
+from closeform.planning.problem.relative_motion import motion_after, relative_motion
 from closeform.planning.problem.rounded_norm import gradient, rounded_norm
 from closeform.planning.problem.scene import CONTACTS, INDICES, ROWS, SCENE
 from closeform.zones.shapes import BALL, norm
@@ -46,7 +46,7 @@ def turn_normal(scene, which, motion, out):
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, float64, ROWS))
 def turn_normals(scene, arcs, offsets, contacts, least, normals):
-    """Update the `normals` (K, 3) of contacts to the positions of their pairs.
+    """Update the `normals` (K, 3) of contacts to the positions of their pairs, after any loss of thrust.
 
     Normals where the norm is at most `least` stay, and so do flat faces whose planes hold: another face
     would be no nearer, and the two would alternate.
@@ -54,7 +54,7 @@ def turn_normals(scene, arcs, offsets, contacts, least, normals):
     motion = stack_matrix(8, 3)
     for k in range(len(contacts.times)):
         which = contacts.which[k]
-        relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
+        motion_after(scene, arcs, offsets, which, contacts.times[k], contacts.drifts[k], motion)
         kind = scene.kinds[which]
         faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
         along = 0.0

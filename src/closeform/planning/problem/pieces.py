@@ -19,7 +19,7 @@ from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, START
 from closeform.motion.certified_march import locate
-from closeform.motion.chief.bernstein import BINOMIAL, CHOOSE, DEGREE, TERMS
+from closeform.motion.chief.bernstein import TERMS, derivatives_of_weights
 from closeform.motion.chief.clock import ECCENTRICITY, RATE, angle_at
 from closeform.motion.chief.segments import LAST, TABLE, WINDOW, blocks_at, share, solve_all
 from closeform.motion.chief.segments import ORIGIN as WINDOW_ORIGIN
@@ -36,32 +36,15 @@ def weigh(clock, row, t, out):
     s = angle_at(clock, t)
     length = row[LENGTH]
     u = min(max((s - row[ORIGIN]) / length, 0.0), 1.0)
-    v = 1.0 - u
-    ups, downs = stack_vector(12), stack_vector(12)
-    ups[0] = downs[0] = 1.0
-    for i in range(1, TERMS):
-        ups[i], downs[i] = ups[i - 1] * u, downs[i - 1] * v
+    derivatives_of_weights(u, out)
     e = clock[ECCENTRICITY]
     pace = 1.0 - e * np.cos(s) if e != 0.0 else 1.0
     rate = clock[RATE] / pace  # ds/dt
-    slope = DEGREE * rate / length
-    bend = DEGREE * (DEGREE - 1) * (rate / length) ** 2
-    turn = -e * np.sin(s) * rate / pace * slope if e != 0.0 else 0.0  # through d2s/dt2
+    du = rate / length  # by time
+    turn = -e * np.sin(s) * rate / pace * du if e != 0.0 else 0.0  # d2u/dt2
     for i in range(TERMS):
-        out[0, i] = CHOOSE[i] * ups[i] * downs[DEGREE - i]
-    for i in range(TERMS):
-        lower = BINOMIAL[DEGREE - 1, i - 1] * ups[i - 1] * downs[DEGREE - i] if i > 0 else 0.0
-        upper = BINOMIAL[DEGREE - 1, i] * ups[i] * downs[DEGREE - 1 - i] if i < DEGREE else 0.0
-        first = lower - upper
-        second = 0.0
-        if i >= 2:
-            second += BINOMIAL[DEGREE - 2, i - 2] * ups[i - 2] * downs[DEGREE - i]
-        if 1 <= i <= DEGREE - 1:
-            second -= 2.0 * BINOMIAL[DEGREE - 2, i - 1] * ups[i - 1] * downs[DEGREE - 1 - i]
-        if i <= DEGREE - 2:
-            second += BINOMIAL[DEGREE - 2, i] * ups[i] * downs[DEGREE - 2 - i]
-        out[1, i] = slope * first
-        out[2, i] = bend * second + turn * first
+        out[2, i] = du**2 * out[2, i] + turn * out[1, i]
+        out[1, i] *= du
 
 
 @kernel()

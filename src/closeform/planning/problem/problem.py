@@ -40,12 +40,14 @@ PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end
 class Effort:
     """Counted work of the search for a passively safe plan, in sampled positions of failed craft.
 
-    The count does not depend on the machine, unlike a time limit, so that neither do plans.
+    The count does not depend on the machine, unlike a time limit, so that neither do plans.  Shares of the
+    limit are counted from the beginning of a part of the search.
     """
 
     limit: float = 0.0
     usual: int = 1  # budget, in starts, that does not raise the limit
     used: float = 0.0
+    begun: float = 0.0  # of it, before the current part
     ended: bool = False  # whether any part of the search ended for lack of effort
 
     def allow(self, craft: int, budget: int | None, usual: int) -> None:
@@ -56,12 +58,17 @@ class Effort:
 
     def extend(self, share: float) -> None:
         """Allow a `share` of the limit beyond what has been used."""
-        self.limit = max(self.limit, self.used + share * self.limit)
+        self.limit = max(self.limit, self.used - self.begun + share * self.limit)
+
+    def begin(self) -> None:
+        """Begin a part of the search that may use the whole limit, whatever was used before."""
+        self.begun = self.used
 
     def beyond(self, share: float = 1.0) -> bool:
-        """Return whether more than `share` of the limit has been used, which ends a part of the search."""
-        self.ended |= self.used > share * self.limit
-        return self.used > share * self.limit
+        """Return whether a part has used more than `share` of the limit, which ends it."""
+        over = self.used - self.begun > share * self.limit
+        self.ended |= over
+        return over
 
 
 @dataclass(eq=False)

@@ -3,6 +3,8 @@
 from closeform.planning.requirements.approach_cone import ApproachCone
 from closeform.planning.requirements.keep_in import KeepIn
 from closeform.planning.requirements.no_thrust import NoThrust
+from closeform.planning.requirements.plume import Plume
 from closeform.planning.requirements.speed_limit import SpeedLimit
+from closeform.planning.requirements.thrust_exclusion import ThrustExclusion
 
-__all__ = ["ApproachCone", "KeepIn", "NoThrust", "SpeedLimit"]
+__all__ = ["ApproachCone", "KeepIn", "NoThrust", "Plume", "SpeedLimit", "ThrustExclusion"]

@@ -14,7 +14,7 @@ acceleration, and its velocity by h^2/8 of its largest jerk.  On the chord the m
 one of the two ends.
 
 To add a requirement, derive a class in a file of its own: from `StateRequirement` with `_margin` and
-`_slope`, or from `Requirement` with `holds` and `_forbids`.
+`_slope`, from `ThrustRequirement` with `_cones`, or from `Requirement` with `_holds` and `_forbids`.
 """
 
 from __future__ import annotations
@@ -78,6 +78,10 @@ class Requirement(ABC):
     @abstractmethod
     def _holds(self, path: Path) -> bool:
         """Return `holds` of a path."""
+
+    def _among(self, bodies: Path, i: int) -> Requirement:
+        """Return the requirement for spacecraft i of all `bodies`: this one, without regard to the others."""
+        return self
 
     def _forbids(self, begins: Floats, ends: Floats) -> Any:
         """Return whether firings (...) from `begins` to `ends` [s] break the requirement: none does."""

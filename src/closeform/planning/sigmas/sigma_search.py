@@ -16,7 +16,7 @@ from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.local_solver import AHEAD, Solution
 from closeform.planning.energy.plane_program import press_in
 from closeform.planning.energy.side_search import FEW, Found, Search
-from closeform.planning.loop import Round, Rounds, run
+from closeform.planning.loop import Rounds, run
 from closeform.planning.problem.problem import Flown, PairRow, Problem
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.sigmas.sigma_problem import SigmaProblem
@@ -117,8 +117,8 @@ class SigmaSearch:
     def solve(self, planes: Contacts, bar: float) -> Solution:
         """Return the certified solution from a start; stop well above the energy `bar`."""
 
-        def most(state: Round[Pressed, Contacts]) -> float:
-            return GIVEN_UP * bar if state.turn >= FIRST else inf
+        def most(turn: int) -> float:
+            return GIVEN_UP * bar if turn >= FIRST else inf
 
         found: Pressed | None = run(Rounds(self, most, ROUNDS, settled=SETTLED, nearly=1.0 - SHORT), planes)
         if found is None:

@@ -52,7 +52,8 @@ class Planes(NamedTuple):
     """K planes: times, rows (K, 6) [1/m, s/m] in the state, shortfalls of unforced paths, and bodies.
 
     `first` and `second` (K,) are craft that are still controllable, or -1.  Impulses from the `cuts` (K, 2)
-    on have no effect: after a loss of thrust the cut is earlier than the plane's time.
+    on have no effect: after a loss of thrust the cut is earlier than the plane's time.  Where `moments` (K,)
+    is a time instead of nan, the plane restricts the thrust of that one moment, by its row in the velocity.
     """
 
     times: Floats
@@ -61,12 +62,14 @@ class Planes(NamedTuple):
     first: Any
     second: Any
     cuts: Floats
+    moments: Floats
 
     @classmethod
     def room(cls, count: int) -> "Planes":
         """Return empty arrays for `count` planes."""
         (times, misses), (first, second) = np.empty((2, count)), np.empty((2, count), dtype=np.int64)
-        return cls(times, np.zeros((count, 6)), misses, first, second, np.empty((count, 2)))
+        cuts, moments = np.empty((count, 2)), np.full(count, np.nan)
+        return cls(times, np.zeros((count, 6)), misses, first, second, cuts, moments)
 
     def some(self, chosen: Any) -> "Planes":
         """Return the planes in a mask."""
@@ -91,6 +94,7 @@ class Priced(NamedTuple):
     multipliers: Floats  # (K,)
     impulses: Floats  # (N, J, 3)
     longest: float
+    least: float  # [m/s]: certified lower bound for these planes and any firing times
     peaks: list[Moments]
 
 
@@ -103,7 +107,7 @@ FLEET = Lent(
         Fleet,
     )
 )
-PLANES = Lent(types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES, ROWS), Planes))
+PLANES = Lent(types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES, ROWS, NUMBERS), Planes))
 DUAL = Lent(types.NamedTuple((ROWS, NUMBERS), Dual))
 
 
@@ -164,6 +168,11 @@ def forces(fleet, planes, effects, k, i, j, psi, out):
     burn of constant thrust.                                                            # theory (38), (74)
     """
     t, width, part = fleet.times[i, j], fleet.widths[i, j], stack_matrix(3, 6)
+    only = planes.moments[k]
+    if only == only:
+        for axis in range(3):
+            out[axis] = planes.rows[k, 3 + axis] if only == t else 0.0
+        return
     brief = BRIEF * (fleet.base[i, END] - fleet.base[i, START])
     flown = cut_of(planes, k, i) - t
     active = max(min(flown, width), 0.0)

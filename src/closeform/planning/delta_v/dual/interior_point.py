@@ -71,6 +71,8 @@ def weigh(rows, along, cones, count, size, hessian):
         w0, w1, w2 = cone[SCALING + 1], cone[SCALING + 2], cone[SCALING + 3]
         for a in range(size):
             x0, x1, x2, row = r0[a], r1[a], r2[a], hessian[a]
+            if x0 == 0.0 and x1 == 0.0 and x2 == 0.0:  # a plane that does not act on this moment
+                continue
             lean = bend * (w0 * x0 + w1 * x1 + w2 * x2)
             y0, y1, y2 = straight * x0 + lean * w0, straight * x1 + lean * w1, straight * x2 + lean * w2
             for b in range(size):  # all, not the upper half: vector instructions
