@@ -118,7 +118,7 @@ def test_random_numbers_are_the_blocks_of_philox() -> None:
             np.testing.assert_array_equal(found[case, craft], expected)
 
 
-def test_a_case_is_the_same_in_any_range() -> None:
+def test_samples_of_a_case_do_not_depend_on_the_range() -> None:
     scenario = parse(NARROW)
     whole = drawn(scenario, 7, 0, 60)
     for first, last in ((0, 1), (17, 18), (23, 51), (59, 60)):
@@ -127,7 +127,7 @@ def test_a_case_is_the_same_in_any_range() -> None:
     assert len(np.unique(whole)) == whole.size  # every case, craft and component anew
 
 
-def test_the_order_of_keys_does_not_matter_nor_do_other_keys() -> None:
+def test_samples_do_not_depend_on_other_keys() -> None:
     lines = NARROW.splitlines(keepends=True)
     swapped = parse("".join([*lines[:-2], lines[-1], lines[-2]]))
     np.testing.assert_array_equal(drawn(swapped, 7, 0, 9), drawn(parse(NARROW), 7, 0, 9))
@@ -143,7 +143,7 @@ def test_the_order_of_keys_does_not_matter_nor_do_other_keys() -> None:
         ('{ normal = "40 m" }', lambda r: stats.chi(3, scale=40.0).cdf(r)),
     ],
 )
-def test_round_distributions(draw: str, radius) -> None:
+def test_ball_shell_and_normal_distributions(draw: str, radius) -> None:
     """Distance from the nominal place by its distribution, direction even over the sphere."""
     scenario = parse(NARROW.replace('{ shell = ["50 m", "200 m"] }', draw))
     moved = drawn(scenario, 3, 0, 4000)[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
@@ -154,14 +154,14 @@ def test_round_distributions(draw: str, radius) -> None:
     assert abs(np.corrcoef(moved.reshape(4000, 9).T) - np.eye(9)).max() < 0.06  # 4 sigma
 
 
-def test_a_shell_of_equal_radii_is_an_exact_size() -> None:
+def test_shell_of_equal_radii_has_an_exact_size() -> None:
     scenario = parse(NARROW.replace('["50 m", "200 m"]', '["70 m", "70 m"]'))
     moved = drawn(scenario, 3, 0, 1000)[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
     np.testing.assert_allclose(np.linalg.norm(moved, axis=-1), 70.0, rtol=1e-14)
     assert abs(moved.mean(axis=(0, 1))).max() < 4.0 * 70.0 / np.sqrt(3.0 * 3000.0)
 
 
-def test_uniform_and_choice() -> None:
+def test_uniform_and_choice_distributions() -> None:
     text = NARROW.replace('{ normal = "5 cm/s" }', '{ choice = ["1 0 0 m/s", "0 2 0 m/s", "0 0 3 m/s"] }')
     states = drawn(parse(text.replace('{ shell = ["50 m", "200 m"] }', '{ uniform = "80 m" }')), 5, 0, 3000)
     moved = states[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
@@ -173,7 +173,7 @@ def test_uniform_and_choice() -> None:
     assert stats.chisquare(counts).pvalue > 1e-3
 
 
-def test_case_of_is_the_case_of_the_study() -> None:
+def test_case_of_equals_the_case_of_the_study() -> None:
     scenario = parse(NARROW)
     one = case_of(scenario, 41)
     np.testing.assert_array_equal(
@@ -186,7 +186,7 @@ def test_case_of_is_the_case_of_the_study() -> None:
 
 
 @pytest.mark.parametrize(("count", "total"), [(0, 10), (10, 10), (3, 10), (37, 150_000), (0, 150_000)])
-def test_intervals_are_those_of_wilson(count: int, total: int) -> None:
+def test_confidence_intervals_are_wilsons(count: int, total: int) -> None:
     theirs = stats.binomtest(count, total).proportion_ci(0.95, "wilson")
     ours = estimate(count, total)
     assert (ours.share, ours.low, ours.high) == pytest.approx(
@@ -194,7 +194,7 @@ def test_intervals_are_those_of_wilson(count: int, total: int) -> None:
     )
 
 
-def test_shares_agree_with_counting_times(s04: tuple[Path, str]) -> None:
+def test_phase_shares_agree_with_lock_times(s04: tuple[Path, str]) -> None:
     """By the papers' phase ends alone: 2160.0, 4283.0, 6443.0, 8566.0 s."""
     rows = pyarrow.parquet.read_table(s04[0] / "cases").to_pydict()
     time = np.array(rows["time_s"])
@@ -279,13 +279,13 @@ def test_summary_holds_every_printed_figure(s04: tuple[Path, str]) -> None:
         )
 
 
-def test_another_study_does_not_show_published_numbers(tmp_path, capsys) -> None:
+def test_published_figures_are_shown_only_in_their_study(tmp_path, capsys) -> None:
     (tmp_path / "narrow.toml").write_text(NARROW)
     assert main(["study", str(tmp_path / "narrow.toml"), "--out", str(tmp_path / "out")]) == 1
     assert "ublished" not in capsys.readouterr().out
 
 
-def test_sampled_detection_by_angles() -> None:
+def test_sampled_detection_agrees_with_angles() -> None:
     """Both see each other when the sensors are in each other's cones: angles, by NumPy, every 50 s."""
     for search in (
         Search.modified(Sensor(np.radians(70)), np.radians(0.25), np.radians(25)),
@@ -315,7 +315,7 @@ def test_sampled_detection_by_angles() -> None:
 # locks of several pairs, and failures
 
 
-def test_a_case_is_done_when_its_last_pair_has_locked(tmp_path) -> None:
+def test_lock_time_of_a_case_is_that_of_its_last_pair(tmp_path) -> None:
     (tmp_path / "narrow.toml").write_text(NARROW)
     campaign = study(tmp_path / "narrow.toml", cases=200)
     assert isinstance(campaign, LockCampaign)
@@ -345,7 +345,7 @@ def as_words(command: str) -> list[str]:
 
 
 @pytest.mark.parametrize("file", ["narrow.toml", "two words.toml", "it's $HOME.toml"])
-def test_commands_that_are_told_can_be_pasted(file) -> None:
+def test_printed_commands_are_valid_shell_words(file) -> None:
     """A shell takes the name of the file as one word as it is, in all four places."""
     scenario = parse(NARROW, file)
     campaign = evaluated(scenario, 50)
@@ -359,7 +359,7 @@ def test_commands_that_are_told_can_be_pasted(file) -> None:
         assert as_words(one(None).section(()).tables[0].rows[0][1]) == told
 
 
-def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
+def test_failed_cases_are_counted_listed_and_have_null_times(tmp_path, capsys) -> None:
     file, place = tmp_path / "narrow.toml", tmp_path / "out"
     file.write_text(NARROW)
     assert main(["study", str(file), "--out", str(place)]) == 1
@@ -384,7 +384,7 @@ def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
 # gatherings
 
 
-def test_gatherings_are_those_of_gather() -> None:
+def test_study_of_gatherings_agrees_with_gather() -> None:
     scenario = parse(GATHERING)
     campaign = evaluated(scenario, 40)
     assert isinstance(campaign, GatherCampaign)
@@ -405,7 +405,7 @@ def test_gatherings_are_those_of_gather() -> None:
     assert 0 < len(campaign.failed) < 40
 
 
-def test_what_gatherings_cost_by_cause_and_phase() -> None:
+def test_delta_v_of_gatherings_by_cause_and_phase() -> None:
     """By the events of each case's run, which an independent model tells, too."""
     text = LOST.replace("[sensor]", 'keep_out = { sphere = "40 m" }\n\n[sensor]')
     campaign = evaluated(parse(text.replace("180 m", "300 m")), 60)
@@ -462,7 +462,7 @@ def test_h03() -> None:
     assert np.linalg.norm(gaps[..., 3:], axis=-1).max() < 0.12  # m/s
 
 
-def test_folder_of_gatherings(tmp_path, capsys) -> None:
+def test_results_folder_of_a_gathering_study(tmp_path, capsys) -> None:
     place = tmp_path / "out"
     (tmp_path / "narrow.toml").write_text(GATHERING)
     assert main(["study", str(tmp_path / "narrow.toml"), "--cases", "60", "--out", str(place)]) == 1
@@ -480,7 +480,7 @@ def test_folder_of_gatherings(tmp_path, capsys) -> None:
 # the command
 
 
-def test_finished_results_are_kept_and_replaced_on_demand(tmp_path, capsys) -> None:
+def test_finished_results_are_replaced_only_with_overwrite(tmp_path, capsys) -> None:
     command = ["study", str(S04), "--cases", "50", "--out", str(tmp_path / "out")]
     assert main(command) == 0
     kept = (tmp_path / "out" / "summary.json").read_bytes()
@@ -492,7 +492,7 @@ def test_finished_results_are_kept_and_replaced_on_demand(tmp_path, capsys) -> N
     assert [file.name for file in tmp_path.iterdir()] == ["out"]
 
 
-def test_no_bar_without_a_terminal(tmp_path, capsys) -> None:
+def test_no_progress_bar_without_a_terminal(tmp_path, capsys) -> None:
     assert main(["study", str(S04), "--cases", "50", "--out", str(tmp_path / "out")]) == 0
     assert capsys.readouterr().err == ""
 
@@ -505,7 +505,7 @@ def refused(capsys: pytest.CaptureFixture[str], command: list[str]) -> list[str]
     return printed.err.splitlines()
 
 
-def test_a_case_that_failed_can_be_seen_beside_the_study(tmp_path, monkeypatch, capsys) -> None:
+def test_printed_command_shows_a_failed_case(tmp_path, monkeypatch, capsys) -> None:
     """The command that the study prints works as it stands, and leaves the study alone."""
     monkeypatch.chdir(tmp_path)
     Path("narrow.toml").write_text(NARROW)
@@ -519,7 +519,7 @@ def test_a_case_that_failed_can_be_seen_beside_the_study(tmp_path, monkeypatch, 
     assert Path("narrow-study/histogram.png").is_file()
 
 
-def test_messages(tmp_path, monkeypatch, capsys) -> None:
+def test_error_messages_of_study_commands(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("s04.toml").write_text(S04.read_text())
     Path("robust.toml").write_text((EXAMPLES / "robustness.toml").read_text())
@@ -586,7 +586,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         ),
     ],
 )
-def test_what_a_search_refuses(old: str, new: str, line: str) -> None:
+def test_invalid_search_studies_are_rejected(old: str, new: str, line: str) -> None:
     text = NARROW
     if "half_angle" in old:
         text = text.replace('method = "basic"', 'method = "modified"')
@@ -598,7 +598,7 @@ def test_what_a_search_refuses(old: str, new: str, line: str) -> None:
     assert "; " in refused.value.lines[0]
 
 
-def test_a_gathering_without_an_end_of_its_near_field() -> None:
+def test_unbounded_near_field_and_too_many_rounds_are_rejected() -> None:
     text = GATHERING.replace('sun_limit = "25 deg"', 'sun_limit = "25 deg"\nmax_speed = "1 m/s"')
     with pytest.raises(ScenarioError, match=r"search\.max_speed: .* the near field is unbounded; "):
         parse(text)
@@ -607,12 +607,12 @@ def test_a_gathering_without_an_end_of_its_near_field() -> None:
 
 
 @pytest.mark.parametrize("cases", [0, 10**9, 1.5, True])
-def test_arguments_of_study(cases: object) -> None:
+def test_invalid_number_of_cases_is_named(cases: object) -> None:
     with pytest.raises(ValueError, match=r"^cases: "):
         study(S04, cases)
 
 
-def test_python_gives_what_the_command_gives(s04: tuple[Path, str]) -> None:
+def test_study_function_equals_the_command(s04: tuple[Path, str]) -> None:
     campaign: Campaign = study(str(S04), 1000)
     rows = pyarrow.parquet.read_table(s04[0] / "cases").slice(0, 1000).to_pydict()
     np.testing.assert_array_equal(campaign.time, rows["time_s"])
@@ -621,7 +621,7 @@ def test_python_gives_what_the_command_gives(s04: tuple[Path, str]) -> None:
     assert study(S04, 1000, seed=5).time.tolist() != campaign.time.tolist()
 
 
-def test_run_shows_one_case(tmp_path, capsys) -> None:
+def test_run_evaluates_one_case(tmp_path, capsys) -> None:
     assert main(["run", str(S04), "--case", "3", "--out", str(tmp_path / "out")]) == 0
     time = study(S04, 4).time[3]
     assert f"{time:.2f}" in capsys.readouterr().out
@@ -630,7 +630,7 @@ def test_run_shows_one_case(tmp_path, capsys) -> None:
 # craft that search imperfectly
 
 
-def test_robustness_flies_and_each_case_is_the_same_as_a_run() -> None:
+def test_cases_of_imperfect_searches_equal_their_runs() -> None:
     """Every key that errors of a search may have, in one file; some cases never lock."""
     campaign = study(EXAMPLES / "robustness.toml", 4000)
     scenario = load(EXAMPLES / "robustness.toml")
@@ -641,7 +641,7 @@ def test_robustness_flies_and_each_case_is_the_same_as_a_run() -> None:
         np.testing.assert_array_equal(flown_alone.leg, campaign.pair_leg[case])
 
 
-def test_a_gathering_of_craft_that_search_imperfectly_is_the_same_as_a_run() -> None:
+def test_cases_of_imperfect_gatherings_equal_their_runs() -> None:
     """Every key that errors of a search may have, drawn, and some that are given."""
     given = 'slew_acceleration = ["0.01 deg/s^2", "0.02 deg/s^2", "0.03 deg/s^2"]\n[sensor]'
     text = GATHERING.replace("[sensor]", given) + (
@@ -663,7 +663,7 @@ def test_a_gathering_of_craft_that_search_imperfectly_is_the_same_as_a_run() -> 
     assert (campaign.time != perfect.time).mean() > 0.9
 
 
-def test_draws_of_searches_have_their_distributions() -> None:
+def test_search_errors_have_their_distributions() -> None:
     """By Kolmogorov and Smirnov, at a level of 1e-6, of A's craft and of B's together."""
     text = (EXAMPLES / "robustness.toml").read_text()
     text += '"sensor.half_angle" = { uniform = "2 deg" }\n"search.slew_rate" = { normal = "0.001 deg/s" }\n'
@@ -688,14 +688,14 @@ def test_draws_of_searches_have_their_distributions() -> None:
     assert stats.binomtest(int((errors.range == 1000.0).sum()), 2 * count, 0.5).pvalue > 1e-6
 
 
-def test_a_case_of_a_search_with_errors_is_the_same_in_any_range() -> None:
+def test_search_errors_of_a_case_do_not_depend_on_the_range() -> None:
     scenario = load(EXAMPLES / "robustness.toml")
     whole, some = searching(scenario, 9, 0, 50), searching(scenario, 9, 17, 33)
     for name in ("pointing", "slew_rate", "start", "range", "silent"):
         np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[17:33])
 
 
-def test_events_of_a_craft_draw_from_streams_of_their_own() -> None:
+def test_events_of_a_spacecraft_have_separate_random_streams() -> None:
     """The first is that of every draw before; NumPy's own counter says where another lies."""
     key = np.random.SeedSequence(5, spawn_key=tuple(b"craft.execution")).generate_state(2, np.uint64)
     for event in (0, 3):
@@ -704,6 +704,6 @@ def test_events_of_a_craft_draw_from_streams_of_their_own() -> None:
         np.testing.assert_array_equal(uniform(5, "craft.execution", 3, 7, 8, event), truth)
 
 
-def test_without_errors_a_search_is_perfect() -> None:
+def test_scenarios_without_search_errors_sample_none() -> None:
     assert searching(load(S04), 1, 0, 10) is None
     assert searching(parse(GATHERING), 1, 0, 10) is None

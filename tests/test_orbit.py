@@ -581,7 +581,7 @@ def test_end_gradients_are_slopes_of_the_energy(n):
         assert (last[0] - last[1]) / (2 * step) == pytest.approx(slopes[1][k], rel=1e-6, abs=1e-15)
 
 
-def test_altitude_that_is_probably_in_km_is_warned_of(recwarn):
+def test_altitude_in_km_is_warned_of(recwarn):
     with pytest.warns(UserWarning, match="altitude") as found:
         assert cf.Orbit.circular(600).mean_motion > cf.Orbit.circular(600e3).mean_motion
     assert found[0].filename == __file__

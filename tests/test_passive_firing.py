@@ -76,7 +76,7 @@ def nearest_drift(path, pulses, until, seed):
         ("5 mm/s", "60 s", 1.25),
     ],
 )
-def test_pulses_leave_room_when_thrust_is_lost(bit, period, larger):
+def test_pulses_are_passively_safe(bit, period, larger):
     """Planned to touch, pulses of the plan would drift to 0.99, 0.97 and 0.82 zones."""
     (plan, _) = fly(parse(inspector(bit, period))).results
     assert plan.passive is not None
@@ -90,7 +90,7 @@ def test_pulses_leave_room_when_thrust_is_lost(bit, period, larger):
     assert least > ZONE * (plan.passive.worst.ratio - ROUGH)
 
 
-def test_pulses_without_room_say_how_much_they_need():
+def test_pulses_that_are_not_safe_report_the_required_margin():
     """The ellipse that is arrived on is 25 m from the client: zones cannot be larger by a quarter."""
     mission = fly(parse(inspector("10 mm/s", "300 s")))
     plan = mission.results[0]
@@ -104,7 +104,7 @@ def test_pulses_without_room_say_how_much_they_need():
 
 
 @pytest.mark.parametrize("bit", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
-def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
+def test_minimum_delta_v_plan_consists_of_its_pulses(bit):
     """Pulses of its impulses, of which some are below the bit, would drift to 0.58 zones."""
     (plan, _) = fly(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
     assert plan.passive is not None
@@ -120,7 +120,7 @@ def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
     assert np.abs(path.state(path.end) - aim.state(aim.end)).max() < 1e-6
 
 
-def test_bits_that_no_thruster_can_give_are_refused_with_a_reason(monkeypatch):
+def test_excessive_minimum_bit_is_refused_with_a_reason(monkeypatch):
     """Within the transfer, a thruster of 1 mm/s^2 gives less than 6 m/s."""
     monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 4e6)  # of 9e7
     result = fly(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
@@ -130,7 +130,7 @@ def test_bits_that_no_thruster_can_give_are_refused_with_a_reason(monkeypatch):
 
 
 @pytest.mark.slow
-def test_safe_pulses_are_fired_as_they_are_planned():
+def test_fired_pulses_equal_the_safe_plan():
     """Without a period, too, as nothing lasts that thrusters do not give all the while."""
     case = hold_transfers()[2]
     six = cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3)

@@ -105,7 +105,7 @@ def call(name, /, **arguments):
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_an_argument_that_does_not_fit_is_named(name):
+def test_invalid_arguments_are_named(name):
     for argument, good in CALLS[name].items():
         for kind, bad in BAD.items():
             if isinstance(bad, str) and (isinstance(good, str) or argument == "file"):

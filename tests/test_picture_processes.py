@@ -46,7 +46,7 @@ def alone(tmp_path_factory):
     return found
 
 
-def test_processes_draw_the_same_pictures(tmp_path, alone, others):
+def test_parallel_processes_draw_the_same_pictures(tmp_path, alone, others):
     found, said = files(tmp_path)
     assert found == alone
     assert said
@@ -64,12 +64,12 @@ class Killer(Picture):
         return super().draw(folder)
 
 
-def test_this_process_draws_if_another_is_killed(tmp_path, alone, others):
+def test_pictures_are_drawn_if_a_worker_is_killed(tmp_path, alone, others):
     killer = Killer("distances", "caption 1", "distances", PAIR, spared=os.getpid())
     assert files(tmp_path, [killer, *PICTURES[1:]])[0] == alone
 
 
-def test_an_error_of_a_picture_is_raised(tmp_path, others):
+def test_drawing_errors_are_raised(tmp_path, others):
     wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
     with pytest.raises(ValueError, match="zone"):
         drawing.drawn([*PICTURES, wrong], Folder(tmp_path), lambda text: None)

@@ -87,7 +87,7 @@ def written(figure):
 
 
 @pytest.mark.parametrize("draw", PICTURES.values(), ids=PICTURES)
-def test_no_words_lie_on_each_other_or_beyond_the_page(draw):
+def test_texts_do_not_overlap_or_leave_the_page(draw):
     figure = draw(["Chaser", "Target"] + [f"Formation {k}" for k in range(10)])
     banner(figure, STAGE)
     found = written(figure)
@@ -108,7 +108,7 @@ def test_no_words_lie_on_each_other_or_beyond_the_page(draw):
 
 
 @pytest.mark.parametrize("draw", [*PICTURES.values()][1::5], ids=[*PICTURES][1::5])
-def test_a_name_is_text(draw):
+def test_names_are_drawn_literally(draw):
     """Nothing is read as a formula, nothing warns (warnings are errors), nothing is cut off."""
     figure = draw(ODD)
     found = written(figure)
@@ -117,7 +117,7 @@ def test_a_name_is_text(draw):
     assert all(box.x0 >= -1 and box.x1 <= figure.bbox.x1 + 1 for _, box in found)
 
 
-def test_three_views_and_both_animations_take_any_name():
+def test_views_and_animations_accept_any_name():
     search = cf.Search.basic(cf.Sensor(np.radians(70.0)), np.radians(0.25), np.radians(25.0))
     positions = [[0.0, 0, 0], [-49, 75, 18], [-35, -31, -227]]
     found = cf.gather(search, positions, 1e-3 * np.array([[0.0, 0, 0], [-16, 69, -12], [-35, 83, -24]]))
@@ -128,7 +128,7 @@ def test_three_views_and_both_animations_take_any_name():
     plots.formation_animation(AFTER, io.BytesIO(), ODD, BALL, frames=2)
 
 
-def test_the_curve_of_a_histogram_is_the_share_done_by_then():
+def test_histogram_curve_is_the_cumulative_share():
     figure = plots.histogram(np.concatenate([LATE, [np.nan] * 10]), SEARCH)
     (curve,) = figure.axes[1].get_lines()
     minutes, share = curve.get_xdata(), curve.get_ydata()
@@ -197,7 +197,7 @@ animation = true
 
 
 @pytest.mark.slow
-def test_every_stage_that_moves_has_its_film(tmp_path):
+def test_every_stage_with_motion_has_an_animation(tmp_path):
     mission = fly(parse(EVERY))
     assert mission.stopped is None
     for told in RunReport(mission).sections:

@@ -43,7 +43,7 @@ def pixels(figure: Figure) -> Any:
     return np.asarray(Image.open(file).convert("RGB")).astype(int)
 
 
-def test_no_kind_of_answer_is_forgotten() -> None:
+def test_every_public_result_class_has_a_picture() -> None:
     """Every public class is drawn, or is named here as given by users or part of an answer."""
     public = {name for name in cf._HOMES if isclass(getattr(cf, name)) and is_dataclass(getattr(cf, name))}
     drawn = FLYING.keys() | PICTURES.keys()
@@ -53,7 +53,7 @@ def test_no_kind_of_answer_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_every_answer_is_drawn(name: str) -> None:
+def test_every_result_is_drawn(name: str) -> None:
     """Something is to be seen below the headline, which says more than a word."""
     figure = cf.plot(answers()[name])
     assert isinstance(figure, Figure)
@@ -62,7 +62,7 @@ def test_every_answer_is_drawn(name: str) -> None:
     assert any(len(text.get_text()) > 8 for text in figure.texts)
 
 
-def test_what_is_in_conflict_has_the_colour_of_conflict() -> None:
+def test_conflicts_are_drawn_in_red() -> None:
     def red(figure: Figure) -> int:
         return int((np.abs(pixels(figure) - 255 * np.array(to_rgb(CONFLICT))).sum(axis=2) < 12).sum())
 
@@ -70,7 +70,7 @@ def test_what_is_in_conflict_has_the_colour_of_conflict() -> None:
     assert red(cf.plot(answers()["empty Screening"])) == 0
 
 
-def test_a_row_stands_where_its_numbers_say() -> None:
+def test_screening_is_drawn_at_its_times_and_ratios() -> None:
     """Dots of a screening at time and ratio, lines from start to end."""
     screening = answers()["Screening"]
     (axes,) = cf.plot(screening, names=["<a>", "b", "c"]).axes[:1]
@@ -82,7 +82,7 @@ def test_a_row_stands_where_its_numbers_say() -> None:
     assert {text.get_text() for text in axes.texts} == {"<a> - c", "b - c"}
 
 
-def test_a_plan_is_drawn_with_its_zone_and_obstacles() -> None:
+def test_headline_of_a_plan_counts_conflicts_with_obstacles() -> None:
     """With a zone the headline counts conflicts before and after."""
     orbit = cf.Orbit.circular(550e3)
     rest = orbit.coast(np.zeros(6), 200.0)
@@ -92,7 +92,7 @@ def test_a_plan_is_drawn_with_its_zone_and_obstacles() -> None:
     assert "0" in said or "no" in said.lower()
 
 
-def test_plans_that_were_not_found_say_why() -> None:
+def test_failed_plan_is_refused_with_its_reason() -> None:
     blocked = cf.avoid(
         answers()["one craft"], answers()["list of paths"][1], cf.Sphere(20.0), max_acceleration=1e-9
     )
@@ -103,7 +103,7 @@ def test_plans_that_were_not_found_say_why() -> None:
 
 
 @pytest.mark.parametrize("bad", [None, 3, "a plan", np.ones(3), [1, 2], cf.Sphere(1.0), {"a": 1}])
-def test_what_cannot_be_drawn_names_what_can(bad: Any) -> None:
+def test_unsupported_objects_are_refused(bad: Any) -> None:
     for door, known in ((cf.plot, "Screening"), (lambda one: cf.animate(one, "a.gif"), "Gathering")):
         with pytest.raises(
             TypeError, match=rf"^result: .*(cannot draw .*; give one of|has no paths; give one of): .*{known}"
@@ -123,7 +123,7 @@ def test_what_cannot_be_drawn_names_what_can(bad: Any) -> None:
         ("Path", "zone", "a ball"),
     ],
 )
-def test_what_does_not_belong_to_a_picture_is_named(name: str, argument: str, bad: Any) -> None:
+def test_arguments_that_do_not_apply_are_named(name: str, argument: str, bad: Any) -> None:
     with pytest.raises(ValueError, match=argument) as caught:
         cf.plot(answers()[name], **{argument: bad})
     assert len(str(caught.value).splitlines()) == 1
@@ -132,7 +132,7 @@ def test_what_does_not_belong_to_a_picture_is_named(name: str, argument: str, ba
 @pytest.mark.parametrize(
     "name", ["Path", "Plan of one", "ThrusterFiring", "Mission", "Gathering", "CommonFrame"]
 )
-def test_what_flies_is_animated(name: str, tmp_path: Path) -> None:
+def test_animations_show_the_motion(name: str, tmp_path: Path) -> None:
     file = tmp_path / "flight.gif"
     cf.animate(answers()[name], file, frames=3)
     frames = []
@@ -145,7 +145,7 @@ def test_what_flies_is_animated(name: str, tmp_path: Path) -> None:
     assert (np.abs(frames[1] - frames[0]).sum(axis=2) > 60).any()
 
 
-def test_obstacles_are_in_the_film() -> None:
+def test_animation_with_obstacles() -> None:
     file = io.BytesIO()
     rest = answers()["list of paths"][1]
     cf.animate(
@@ -154,7 +154,7 @@ def test_obstacles_are_in_the_film() -> None:
     assert Image.open(file).n_frames >= 2
 
 
-def test_animations_are_gifs(tmp_path: Path) -> None:
+def test_invalid_animation_arguments_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"^file: animations are GIF, give NAME\.gif, got .*swap\.mp4$"):
         cf.animate(answers()["Path"], tmp_path / "swap.mp4")
     assert not list(tmp_path.iterdir())
@@ -164,7 +164,7 @@ def test_animations_are_gifs(tmp_path: Path) -> None:
         cf.animate(answers()["Path"], io.BytesIO(), frames=1)
 
 
-def test_a_notebook_shows_a_picture() -> None:
+def test_figures_have_a_png_for_notebooks() -> None:
     """A figure is drawn as PNG, without pyplot, which would open windows."""
     figure: Any = cf.plot(answers()["Path"])  # that notebooks ask for its PNG stands in no types
     with Image.open(io.BytesIO(figure._repr_png_())) as picture:

@@ -99,7 +99,7 @@ def seconds(figure, path):
     return {"s": 1.0, "min": 60.0, "h": 3600.0, "orbits": path.orbit.period}[name]
 
 
-def test_bars_end_where_the_certified_search_says(kind):
+def test_conflict_bars_agree_with_the_certified_search(kind):
     path, other, zone = kind
     figure = plots.distances(path, other, zone)
     assert_units(figure)
@@ -115,13 +115,13 @@ def test_bars_end_where_the_certified_search_says(kind):
         assert np.allclose(np.array(rows["all three"]).ravel() * unit, edges, atol=1e-6)
 
 
-def test_the_kinds_of_paths_do_conflict():
+def test_paths_of_these_tests_conflict():
     counts = [len(cf.find_conflicts(*kind)) for kind in KINDS.values()]
     assert [count > 0 for count in counts] == [True, True, True, True, False, True]
     assert counts[1] > 4  # a stay or two in every orbit
 
 
-def test_bars_of_one_axis_end_where_the_distance_meets_the_zone_line(kind):
+def test_bars_of_each_axis_agree_with_the_distances(kind):
     path, other, zone = kind
     figure = plots.distances(path, other, zone)
     unit = seconds(figure, path)
@@ -137,7 +137,7 @@ def test_bars_of_one_axis_end_where_the_distance_meets_the_zone_line(kind):
         assert np.allclose(np.abs(gap), zone.extents[axis], rtol=1e-9)
 
 
-def test_distances_draw_the_true_gap():
+def test_distance_curve_is_the_relative_position():
     curve = plots.distances(MOVER, HIT, ELLIPSOID).axes[1].get_lines()[0]
     times = np.asarray(curve.get_xdata()) * 60
     gap = MOVER.position(times)[:, 1] - HIT.position(times)[:, 1]
@@ -160,7 +160,7 @@ def test_before_after_ratios_and_thrust(kind):
         assert_units(figure)
 
 
-def test_the_two_ways_are_clear_and_pass_on_opposite_sides():
+def test_both_ways_are_clear_on_opposite_sides():
     ways = ways_around(MOVER, HIT, ELLIPSOID)
     assert len(ways) == 2
     gaps = []
@@ -178,7 +178,7 @@ def test_the_two_ways_are_clear_and_pass_on_opposite_sides():
     assert ways[0].energy < best.energy + 0.02 * MOVER.energy
 
 
-def test_impulses_are_stems_of_their_own_height():
+def test_stems_have_the_height_of_impulses():
     path = KINDS["impulsive"][0]
     figure = plots.thrust([path], ["two impulses"])
     right = [axes for axes in figure.axes if axes.get_ylabel().startswith("impulse")]
@@ -205,7 +205,7 @@ def test_shadow_and_section_of_a_zone(zone):
     assert np.allclose(zone.norm(section(zone, plane) @ plane), 1.0)
 
 
-def test_least_ratio_is_the_certified_one():
+def test_marked_minimum_is_the_certified_ratio():
     axes = plots.ratios(MOVER, MOVER, OTHERS, ELLIPSOID).axes[0]
     dot = next(line for line in axes.get_lines() if line.get_marker() == "o")
     near = cf.closest_approach(MOVER, OTHERS, ELLIPSOID)
@@ -228,6 +228,6 @@ def test_least_ratio_is_the_certified_one():
         ),
     ],
 )
-def test_bad_input_is_named(call, message):
+def test_invalid_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()

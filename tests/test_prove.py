@@ -57,7 +57,7 @@ def passage(seed, orbit=SPACE, count=1):
 
 @given(st.sampled_from(sorted(ZONES)), st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=50)
-def test_pieces_cover_the_outside_and_nothing_of_it_is_lost(name, seed):
+def test_pieces_cover_the_outside_of_a_zone(name, seed):
     rng = np.random.default_rng(seed)
     zone = ZONES[name]
     way = np.linalg.solve(zone.matrix, rng.normal(size=3))
@@ -122,7 +122,7 @@ def cheapest_scanned(path, stone, zone):
 
 @pytest.mark.parametrize("name", sorted(ZONES))
 @pytest.mark.parametrize("seed", range(1))
-def test_no_path_past_one_obstacle_is_cheaper_than_the_bound(name, seed):
+def test_bound_is_below_every_scanned_path(name, seed):
     path, stones = passage(seed)
     zone = ZONES[name]
     found = cf.avoid(path, stones, zone, prove=10.0)
@@ -137,7 +137,7 @@ def test_no_path_past_one_obstacle_is_cheaper_than_the_bound(name, seed):
 
 @pytest.mark.parametrize("orbit", [SPACE, cf.Orbit(2 * np.pi / 5760)], ids=["space", "orbit"])
 @pytest.mark.parametrize("seed", range(3))
-def test_changes_of_four_are_proven_to_a_thousandth(orbit, seed):
+def test_reconfigurations_of_four_are_proven(orbit, seed):
     task = four(seed, orbit, 360.0)
     plain = cf.reconfigure(**task.arguments)
     plan = cf.reconfigure(**task.arguments, prove=60.0)
@@ -149,7 +149,7 @@ def test_changes_of_four_are_proven_to_a_thousandth(orbit, seed):
     assert plan.lower_bound >= plain.lower_bound or plan.energy < plain.energy
 
 
-def test_the_bound_holds_for_plans_on_all_sides():
+def test_bounds_hold_for_plans_on_all_sides():
     # every local optimum that other starts lead to, of any number of candidates, is dearer than the bound
     for seed in (9, 20, 69):
         task = random_case(seed)
@@ -166,7 +166,7 @@ def test_the_bound_holds_for_plans_on_all_sides():
         assert proof.gap <= 1.001e-3
 
 
-def test_a_single_contact_with_a_sphere_is_proven_without_a_search():
+def test_single_contact_with_a_sphere_is_proven():
     path, stones = passage(0)
     found = cf.avoid(path, stones, cf.Sphere(20.0))
     assert found.proven
@@ -174,7 +174,7 @@ def test_a_single_contact_with_a_sphere_is_proven_without_a_search():
     assert "proven minimum energy for these ends and times" in found.reason
 
 
-def test_clear_formations_are_proven_and_time_is_not_negative():
+def test_clear_formation_is_proven_and_negative_time_is_refused():
     path, stones = passage(0)
     with pytest.raises(ValueError, match="prove: must be 0 s or more"):
         cf.avoid(path, stones, cf.Sphere(20.0), prove=-1.0)
@@ -186,7 +186,7 @@ def test_clear_formations_are_proven_and_time_is_not_negative():
     assert clear.gap == 0.0
 
 
-def test_a_budget_of_nodes_makes_it_repeatable():
+def test_proof_with_a_node_budget_is_repeatable():
     task = four(1, SPACE, 360.0)
     plan = cf.reconfigure(**task.arguments)
     problem = Request.of_formation(**task.arguments).problem()
@@ -198,7 +198,7 @@ def test_a_budget_of_nodes_makes_it_repeatable():
     assert lower_bound(problem, plan.contacts) < first.bound < plan.extra_energy
 
 
-def test_the_bound_covers_most_of_the_extra_energy_of_random_formations():
+def test_bound_covers_most_of_the_extra_energy():
     shares = []
     for seed in range(3, 60, 4):
         plan = cf.reconfigure(**random_case(seed).arguments, if_blocked=())
@@ -208,7 +208,7 @@ def test_the_bound_covers_most_of_the_extra_energy_of_random_formations():
     assert np.median(shares) > 0.6
 
 
-def test_a_stage_closes_its_gap_where_that_is_asked():
+def test_stage_closes_its_gap_on_request():
     """Of the cluster's crossing, 1 % above its bound: the same path, and a bound within the asked gap."""
     text = (Path(__file__).parents[1] / "examples" / "cluster.toml").read_text()
     half, asked = (

@@ -69,13 +69,13 @@ def test_twelve_swap_through_one_point():
     assert not plan.measures
 
 
-def test_a_swap_in_orbit_costs_at_most_three_per_cent():
+def test_swap_in_orbit_costs_at_most_three_per_cent_more():
     plan, said = complaints(swap(orbit=LOW_ORBIT))
     assert said == []
     assert plan.gap <= 0.03
 
 
-def test_the_tasks_are_work():
+def test_random_formations_have_conflicts():
     """Or planning them shows nothing: their direct paths run into each other."""
     conflicts = 0
     for seed in SAMPLE[::4]:

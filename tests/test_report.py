@@ -31,13 +31,13 @@ TABLE = Table(
 )
 
 
-def test_every_kind_of_stage_can_be_flown_and_told() -> None:
+def test_every_kind_of_stage_runs_and_is_reported() -> None:
     kinds = set(STAGES.values())
     assert set(FLIES) == set(run.SECTIONS) == kinds
     assert set(campaign.KINDS) == {kind for kind in kinds if kind.searches}
 
 
-def test_a_cell_as_text() -> None:
+def test_text_of_a_cell() -> None:
     """Scaled and rounded, what is absent as a dash, a text as it is; what has no heading is not shown."""
     assert [column.heading for column in TABLE.shown] == ["pair", "distance [mm]", "twice", "phase"]
     assert TABLE.texts == [
@@ -47,7 +47,7 @@ def test_a_cell_as_text() -> None:
     ]
 
 
-def test_rows_of_zeros_are_shown_as_one() -> None:
+def test_rows_of_zeros_are_merged() -> None:
     """They are counted without the total, and stored as they are."""
     columns = Column("craft", "craft", words=True), Column("delta-v [m/s]", "delta_v_m_s", "{:.1f}".format)
     rows = [("A", 0.0), ("B", 2.0), ("C", 0.0), ("all", 2.0)]
@@ -58,7 +58,7 @@ def test_rows_of_zeros_are_shown_as_one() -> None:
     assert Table("Use", columns, rows[:2], idle="no thrust used").texts == [["A", "0.0"], ["B", "2.0"]]
 
 
-def test_a_row_as_json() -> None:
+def test_row_as_json() -> None:
     """In SI, without what is only shown; a cell of parts under its key, or by parts without one."""
     first = {"pair": ["A", "B"], "distance_m": 0.25, "ratio": 1.5, "phase": "IPS", "round": 1}
     assert Table("", TABLE.columns, TABLE.rows[:1]).records == [first]

@@ -54,7 +54,7 @@ def row(campaign, case: int) -> dict:
 
 
 @pytest.mark.slow
-def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
+def test_run_simulates_like_the_command(tmp_path: Path, capsys):
     """The same flights to the last bit, of the same table; both count who enters a zone."""
     text = swap(more=COAST + ERRORS)
     (tmp_path / "plain.toml").write_text(text)
@@ -91,7 +91,7 @@ def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
     assert np.array_equal(*plans)  # what is opened again is the plan
 
 
-def test_limits_are_held_against_the_dearest_flight():
+def test_limits_apply_to_the_costliest_simulation():
     """A budget that the plan keeps and a flight does not is not kept; that of the dearest flight is."""
     more = 'margin = "auto"\n' + ERRORS + FLIGHT.format(seeds=8)
     tank = 'mass = "10 kg"\nspecific_impulse = "60 s"\n'
@@ -116,7 +116,7 @@ def test_limits_are_held_against_the_dearest_flight():
             assert kept or str(verdict) == f"limits are not kept: {what} ({names[k]})"
 
 
-def test_a_run_whose_flights_keep_clear_is_clear(tmp_path: Path):
+def test_run_with_clear_simulations_is_clear(tmp_path: Path):
     (tmp_path / "roomy.toml").write_text(swap(more='margin = "auto"\n' + ERRORS + FLIGHT.format(seeds=30)))
     mission = cf.run(tmp_path / "roomy.toml")
     assert mission.verdict.ok
@@ -125,7 +125,7 @@ def test_a_run_whose_flights_keep_clear_is_clear(tmp_path: Path):
     assert "no zone is entered in 30 simulations, minimum " in str(mission.verdict)
 
 
-def test_the_open_loop_is_asked_for(tmp_path: Path):
+def test_open_loop_simulation(tmp_path: Path):
     text = swap(craft='thrust_error = "2 %, 1 deg"', more='\n[simulation]\ncontrol = "open"\nseeds = 5\n')
     (tmp_path / "open.toml").write_text(text)
     mission = cf.run(tmp_path / "open.toml")
@@ -136,7 +136,7 @@ def test_the_open_loop_is_asked_for(tmp_path: Path):
 
 
 @pytest.mark.parametrize("case", [0, 11])
-def test_a_row_is_its_flight_by_hand(missions, case: int):
+def test_row_equals_its_simulation(missions, case: int):
     """What the case draws stands in another field, feedback and navigation; its plan knows the file's."""
     found, scenario = row(missions, case), missions.scenario
     truth, mission = case_of(scenario, case).truth, fly(case_of(scenario, case))
@@ -169,7 +169,7 @@ def test_a_row_is_its_flight_by_hand(missions, case: int):
     assert missions.scenario.flights.seeds == 100  # of a run; a case has one of its own
 
 
-def test_draws_of_a_flight_are_those_of_its_blocks(missions):
+def test_samples_come_from_the_philox_blocks(missions):
     """By NumPy's generator itself: block K of the key's stream where all craft share one value."""
     case = 5
     found = case_of(missions.scenario, case)
@@ -192,7 +192,7 @@ def test_draws_of_a_flight_are_those_of_its_blocks(missions):
     assert truth.craft[0].position == tuple(np.array([0.0, 0.0, 120.0]) + ndtri(random))
 
 
-def test_a_case_does_not_depend_on_its_chunk(missions):
+def test_case_does_not_depend_on_its_chunk(missions):
     kind = MissionCases(missions.scenario, 7)
     parts = [kind.evaluate(9, 11), kind.evaluate(11, 13)]
     for name in kind.names:
@@ -201,7 +201,7 @@ def test_a_case_does_not_depend_on_its_chunk(missions):
         )
 
 
-def test_what_is_counted(missions):
+def test_violations_and_delta_v_are_counted(missions):
     """Who enters, how near, by cause: from the rows themselves."""
     ratios, spent = missions.column("flown_ratio"), missions.column("flown_delta_v_m_s")
     flights = missions.flights
@@ -224,7 +224,7 @@ def test_what_is_counted(missions):
     assert reason == f"a zone is entered in simulation, minimum {ratios.min():.4f} x zone"
 
 
-def test_a_flight_without_errors_is_the_integrated_one():
+def test_simulation_without_errors_agrees_with_an_integrator():
     """Thrust as commanded in the file's air, flown in that of a case, by DOP853 in a textbook's J2.
 
     Centimetres apart, where the drawn air leads the craft metres off.
@@ -277,7 +277,7 @@ def test_a_flight_without_errors_is_the_integrated_one():
     assert cf.simulate(plan, known.field, "open").greatest_end < 1e-3
 
 
-def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
+def test_command_writes_rows_and_pages(missions, tmp_path: Path, capsys):
     (tmp_path / "many.toml").write_text(MANY)
     assert main(["study", str(tmp_path / "many.toml"), "--out", str(tmp_path / "out")]) == 1
     printed = capsys.readouterr().out
@@ -326,7 +326,7 @@ def dragged(ballistic: float, more: str) -> str:
     return swap(**air, craft=WEAK.format(ballistic), more=ERRORS + FLIGHT.format(seeds=3) + more)
 
 
-def test_a_plan_that_cannot_be_flown_is_left_with_why(tmp_path: Path, capsys):
+def test_plan_beyond_the_thrusters_is_reported(tmp_path: Path, capsys):
     """The thruster along the track, the third, is asked for the drag that B has beyond the chief's."""
     (tmp_path / "weak.toml").write_text(dragged(0.2, ""))
     assert main(["run", str(tmp_path / "weak.toml"), "--out", str(tmp_path / "run"), "--no-viewer"]) == 1
@@ -348,7 +348,7 @@ def test_a_plan_that_cannot_be_flown_is_left_with_why(tmp_path: Path, capsys):
     assert capsys.readouterr().err == f"{tmp_path / 'run'}: cannot be simulated: {why}\n"
 
 
-def test_cases_that_cannot_be_flown_do_not_count_as_flights():
+def test_infeasible_cases_are_not_counted_as_simulations():
     """Their plans stand in their rows, with why; the same thrust is enough in others."""
     study = STUDY[: STUDY.index("[study.vary]")].replace("cases = 20", "cases = 6")
     draws = '[study.vary]\n"craft.max_thrust" = { uniform = "1 mN" }\n'

@@ -78,7 +78,7 @@ def flown_ranges(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         ),
     ],
 )
-def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch, capsys) -> None:
+def test_interrupted_study_continues(error, status, said, desk, monkeypatch, capsys) -> None:
     assert main([*STUDY[:-1], "undisturbed"]) == 1
     whole = rows(desk / "undisturbed")
     assert list(whole) == [f"{first:09d}.parquet" for first in range(0, 300, 50)]
@@ -103,7 +103,7 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert not (desk / "out" / ".unfinished").exists()
 
 
-def test_a_finished_study_that_is_asked_for_again_ends_with_its_status(desk, monkeypatch, capsys) -> None:
+def test_finished_study_returns_its_status_again(desk, monkeypatch, capsys) -> None:
     """A job that repeats the command until it is done can end; another study is still refused."""
     assert main(STUDY) == 1
     last = capsys.readouterr().out.splitlines()[-1]
@@ -120,7 +120,7 @@ def test_a_finished_study_that_is_asked_for_again_ends_with_its_status(desk, mon
     assert len(again) == 6
 
 
-def test_overwrite_replaces_an_unfinished_study_of_another_seed(desk, monkeypatch, capsys) -> None:
+def test_overwrite_replaces_an_unfinished_study(desk, monkeypatch, capsys) -> None:
     """Also where that one was to replace finished results, and where a kill left its manifest."""
     assert main(STUDY) == 1
     with monkeypatch.context() as patched:
@@ -141,7 +141,7 @@ def test_overwrite_replaces_an_unfinished_study_of_another_seed(desk, monkeypatc
         ([], 'another scenario: study.vary."craft.velocity".normal "5 cm/s", not "6 cm/s"; repeat'),
     ],
 )
-def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) -> None:
+def test_different_study_is_refused(options, what, desk, monkeypatch, capsys) -> None:
     assert stopped(monkeypatch, 2, KeyboardInterrupt()) == 130
     if not options:
         (desk / "narrow.toml").write_text(NARROW.replace("5 cm/s", "6 cm/s"))
@@ -157,7 +157,7 @@ def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) ->
     assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == 300
 
 
-def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
+def test_damaged_chunk_is_evaluated_again(desk, monkeypatch, capsys) -> None:
     assert main([*STUDY[:-1], "undisturbed"]) == 1
     assert stopped(monkeypatch, 4, KeyboardInterrupt()) == 130
     private = desk / "out" / ".unfinished"
@@ -179,7 +179,7 @@ def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
 
 
 @pytest.mark.parametrize("kept", [3, "all"])
-def test_a_kill_while_results_move_up_loses_nothing(kept, desk, monkeypatch) -> None:
+def test_kill_during_publication_loses_nothing(kept, desk, monkeypatch) -> None:
     """Some of the cases stand in their place when the process is gone, or all do."""
     assert main([*STUDY[:-1], "undisturbed"]) == 1
     real, moved = Path.replace, []
@@ -211,7 +211,7 @@ def test_a_kill_while_results_move_up_loses_nothing(kept, desk, monkeypatch) -> 
 
 
 @pytest.mark.parametrize("text", [NARROW, GATHERING])
-def test_files_give_the_same_figures_as_arrays(text, tmp_path, monkeypatch) -> None:
+def test_statistics_of_files_and_arrays_agree(text, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(search_cases, "PAIRS_AT_ONCE", 100)
     monkeypatch.setattr("closeform.campaign.search_cases.GATHERINGS_AT_ONCE", 70)
     scenario = parse(text)
@@ -235,7 +235,7 @@ def test_files_give_the_same_figures_as_arrays(text, tmp_path, monkeypatch) -> N
     assert held.tally.good.count == held.good.sum()
 
 
-def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
+def test_order_statistics_are_exact(monkeypatch) -> None:
     """Though only a few values are ever held, and many are equal."""
     monkeypatch.setattr(spread, "HELD", 40)
     rng = np.random.default_rng(2)
@@ -247,7 +247,7 @@ def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
     assert order_statistics(lambda: parts, len(order), ranks) == {rank: order[rank] for rank in ranks}
 
 
-def test_quantiles_have_the_confidence_that_they_say() -> None:
+def test_quantile_intervals_have_their_confidence() -> None:
     """Of 150 samples of 2000 each, the interval of each quantile holds the true one in 95 % at least."""
     rng, truth = np.random.default_rng(3), stats.expon()
     for share in (0.5, 0.95):
@@ -266,7 +266,7 @@ def test_quantiles_have_the_confidence_that_they_say() -> None:
     assert few.quantiles[0.999].high is None  # five values cannot say so much
 
 
-def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
+def test_histogram_of_chunks_is_that_of_all_times() -> None:
     campaign = evaluated(load(S04), 20_000)
     times, search = campaign.time, campaign.search
     parts = TimeHistogram.of(np.array_split(times, 7), search.duration, search)
@@ -302,7 +302,7 @@ def test_memory_does_not_grow_with_cases(tmp_path, monkeypatch) -> None:
 # elsewhere
 
 
-def test_a_task_is_text_and_numbers_and_gives_the_same_bytes() -> None:
+def test_remote_task_gives_the_same_bytes() -> None:
     kind = kind_of(parse(NARROW), 7)
     sent = pickle.loads(pickle.dumps(Task.of(kind)))
     answer = evaluate(sent, ((50, 100), (0, 50)))
@@ -315,7 +315,7 @@ def test_a_task_is_text_and_numbers_and_gives_the_same_bytes() -> None:
     assert line.endswith(", not 0.1; install the same versions on all machines")
 
 
-def test_what_a_worker_cannot_fly_is_said_as_here() -> None:
+def test_worker_reports_the_same_error() -> None:
     text = NARROW.replace('{ shell = ["50 m", "200 m"] }', '{ choice = ["1 2 3 m"] }')
     kind = kind_of(parse(text, "one.toml"), 7)
     with pytest.raises(ScenarioError) as here:
@@ -323,7 +323,7 @@ def test_what_a_worker_cannot_fly_is_said_as_here() -> None:
     assert evaluate(Task.of(kind), ((0, 10),)).refused == here.value.lines
 
 
-def test_files_that_a_scenario_names_go_with_the_task(tmp_path) -> None:
+def test_remote_task_includes_named_files(tmp_path) -> None:
     """States from a file, which no other machine has."""
     (tmp_path / "states.csv").write_text(
         "craft,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s\nP,0,0,0,0,0,0\nQ,1,2,3,0,0,0\nR,10,0,0,0,0,0\n"
@@ -349,7 +349,7 @@ def test_chunks_meet_without_a_gap() -> None:
     assert chunks.name_of(3) == "000000003.parquet"
 
 
-def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
+def test_ten_largest_cases_link_to_their_replays(desk, capsys) -> None:
     main(STUDY)
     summary = json.loads((desk / "out" / "summary.json").read_text())
     page = (desk / "out" / "report.html").read_text().partition("The ten largest")[2].partition("</table>")[0]
