@@ -90,7 +90,7 @@ class Body:
 
 
 def missing(a, b, sensor, r, v, times):
-    """What is missing to a lock at each time [m]: each must see the other's sensor, within both ranges."""
+    """Return the distance from a lock at each time [m]: each sees the other's sensor, within both ranges."""
     one, other = a.boresights(times), b.boresights(times)
     q = r + np.outer(times, v) + sensor.offset * (other - one)
     length = np.linalg.norm(q, axis=1)

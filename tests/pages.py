@@ -60,7 +60,7 @@ class Seen:
         return flat if block["columns"] == 1 else flat.reshape(block["rows"], block["columns"])
 
     def state(self, track: dict[str, Any], time: float) -> np.ndarray:
-        """Position (3,) by SciPy's cubic Hermite spline; at an impulse nobody asks."""
+        """Return the position (3,) by SciPy's cubic Hermite spline, away from impulses."""
         from scipy.interpolate import CubicHermiteSpline
 
         times, states = self.rows(track["times"]), self.rows(track["states"]).astype(float)

@@ -1,4 +1,4 @@
-"""What the pictures of errors show, against samples and numbers of the package's other doors."""
+"""Pictures of uncertainty against samples and other functions of the package."""
 
 import matplotlib as mpl
 import numpy as np

@@ -1,4 +1,4 @@
-"""The examples that come along, `closeform new`, completion by a shell, and what is to be cited."""
+"""Included examples, `closeform new`, shell completion and the citation file."""
 
 import os
 import re
@@ -42,7 +42,7 @@ def test_example_does_not_replace_a_file(tmp_path: Path, capsys: pytest.CaptureF
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_written_example_runs_in_its_folder(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Alone in a folder, by the command that is told."""
+    """The printed command runs in a folder with nothing else."""
     assert main(["new", name]) == 0
     told = capsys.readouterr().out.splitlines()[-1].split()
     assert told[3:] == [

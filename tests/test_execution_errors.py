@@ -138,7 +138,7 @@ GATES = cf.Uncertainty(impulse=(0.0, 0.01, 0.0, 0.0175))
     [
         (formation(), LASTING, BURNS),
         pytest.param(formation(), LATE, BURNS, marks=pytest.mark.slow),
-        (burns(), LASTING, BURNS),
+        pytest.param(burns(), LASTING, BURNS, marks=pytest.mark.slow),
         pytest.param(formation(), LASTING, START, marks=pytest.mark.slow),
         pytest.param(kicked(), SHOTS, START, marks=pytest.mark.slow),
         (kicked(), SHOTS, GATES),

@@ -1,4 +1,4 @@
-"""`plots.pulses`: what is drawn is what is fired, and what is asked."""
+"""`plots.pulses` shows the fired pulses and the planned thrust."""
 
 import matplotlib as mpl
 import numpy as np

@@ -1,4 +1,4 @@
-"""Pictures of what missions cost: which there are, and that they say what the mission says."""
+"""Pictures of the delta-v of missions agree with the results."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The picture of a whole mission: thrust, impulses, conflicts, locks and nearness stand where they are."""
+"""The picture of a mission shows thrust, impulses, conflicts, locks and ratios at their times."""
 
 import matplotlib as mpl
 import numpy as np
@@ -18,7 +18,7 @@ START = np.array([[0, 0, 0, 0, 0, 0], [0, 200, 0, 0, 0, 0], [0, 400, 0, 0, 0, 0]
 
 @pytest.fixture(scope="module")
 def stages():
-    """Everybody waits; the chaser thrusts past the target; it comes back by impulses."""
+    """Return three stages: a coast, a transfer of the chaser past the target, and its return by impulses."""
     first = ORBIT.coast(START, 600.0)
     second = [ORBIT.coast(START[k], 900.0, 600.0) for k in (0, 2)]
     second.insert(1, ORBIT.transfer(START[1], [0, -200, 0, 0, 0, 0], 900.0, 600.0))

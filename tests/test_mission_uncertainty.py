@@ -373,7 +373,7 @@ def test_slow_encounter_example_agrees_with_its_message() -> None:
 
 
 def test_unknown_probability_fails_its_limit(monkeypatch) -> None:
-    """Trajectories with very many burns are not sampled; the verdict says so."""
+    """Trajectories with very many burns are not sampled, which the verdict reports."""
     monkeypatch.setattr("closeform.uncertainty.uncertain_flight.MOST_BURNS", 0)
     move = CLOSER.split("[[stage]]")[2]
     known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")

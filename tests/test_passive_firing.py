@@ -1,4 +1,4 @@
-"""Passively safe plans that thrusters fire: their pulses are flown by DOP853, with a thousand failures."""
+"""Pulses of passively safe plans, integrated by DOP853 with hundreds of random failures."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from hold_transfers import hold_transfers
 
 INSPECTOR = (Path(__file__).parents[1] / "examples" / "passive_inspector.toml").read_text()
 ZONE = 20.0  # m
-FAILURES = 1000
+FAILURES = 400
 EVERY = 10.0  # s, samples of a drift: between them 20 m are left by less than ROUGH
 ROUGH = 2e-4  # of the zone: 5 s at 0.1 m/s, squared, in 20 m, halved
 
@@ -77,13 +77,13 @@ def nearest_drift(path, pulses, until, seed):
     ],
 )
 def test_pulses_are_passively_safe(bit, period, larger):
-    """Planned to touch, pulses of the plan would drift to 0.99, 0.97 and 0.82 zones."""
+    """Without a margin, drifts after lost pulses would come to 0.99, 0.97 and 0.82 zones."""
     (plan, _) = fly(parse(inspector(bit, period))).results
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
     assert 1.0 < plan.pulsed.room.larger < larger
     (zone,) = plan.result.zones
-    assert zone.norm(np.array([ZONE, 0.0, 0.0])) == pytest.approx(1.0)  # pictures are of what was asked for
+    assert zone.norm(np.array([ZONE, 0.0, 0.0])) == pytest.approx(1.0)  # pictures show the required zone
     pulses, path = plan.pulsed.firing.pulses, plan.after.path("Inspector")
     least = nearest_drift(path, pulses, path.end + 86400.0, 7)
     assert least > ZONE * (1.0 - 1e-9)
@@ -91,7 +91,7 @@ def test_pulses_are_passively_safe(bit, period, larger):
 
 
 def test_pulses_that_are_not_safe_report_the_required_margin():
-    """The ellipse that is arrived on is 25 m from the client: zones cannot be larger by a quarter."""
+    """The final ellipse is 25 m from the client, so zones cannot be larger by a quarter."""
     mission = fly(parse(inspector("10 mm/s", "300 s")))
     plan = mission.results[0]
     assert (plan.passive.safe, mission.verdict.status) == (False, 1)
@@ -105,7 +105,7 @@ def test_pulses_that_are_not_safe_report_the_required_margin():
 
 @pytest.mark.parametrize("bit", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
 def test_minimum_delta_v_plan_consists_of_its_pulses(bit):
-    """Pulses of its impulses, of which some are below the bit, would drift to 0.58 zones."""
+    """Drifts after pulses of plain impulses, some below the bit, would come to 0.58 zones."""
     (plan, _) = fly(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
@@ -131,7 +131,7 @@ def test_excessive_minimum_bit_is_refused_with_a_reason(monkeypatch):
 
 @pytest.mark.slow
 def test_fired_pulses_equal_the_safe_plan():
-    """Without a period, too, as nothing lasts that thrusters do not give all the while."""
+    """Impulses need no period; continuous thrust does."""
     case = hold_transfers()[2]
     six = cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3)
     plan = cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v", thrusters=six)

@@ -1,4 +1,4 @@
-"""Pictures drawn by other processes equal those that this process draws."""
+"""Pictures of worker processes equal those of this process."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What is written in pictures: names as they are, nothing on top of each other, nothing cut off."""
+"""Text in pictures: names are literal, no texts overlap, none is cut off."""
 
 import io
 from dataclasses import replace
@@ -68,7 +68,7 @@ PLAIN = [f"F{k}" for k in range(1, 13)]
 
 
 def written(figure):
-    """Every text that is drawn, with its box in pixels."""
+    """Return every text that is drawn, with its box in pixels."""
     drawn = []
 
     draw = Text.draw
@@ -109,7 +109,7 @@ def test_texts_do_not_overlap_or_leave_the_page(draw):
 
 @pytest.mark.parametrize("draw", [*PICTURES.values()][1::5], ids=[*PICTURES][1::5])
 def test_names_are_drawn_literally(draw):
-    """Nothing is read as a formula, nothing warns (warnings are errors), nothing is cut off."""
+    """No name is parsed as a formula, no glyph warns (warnings are errors), no text is cut off."""
     figure = draw(ODD)
     found = written(figure)
     named = [text for text, _ in found if any(name in text.get_text() for name in ODD[:5])]
@@ -138,17 +138,6 @@ def test_histogram_curve_is_the_cumulative_share():
     end = next(end for *_, end in SEARCH.phases if end >= LATE.max())
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, end / 60.0))
     assert figure.axes[1].get_ylabel().endswith("[%]")
-
-
-class Shown:
-    """A folder that keeps a figure."""
-
-    def picture(self, name, figure):
-        self.figure = figure
-
-
-STILL = 'velocity = "0 0 0 m/s" }'
-REST = f'{{ position = "0 0 0 m", {STILL}, {{ position = "0 500 0 m", {STILL}'
 
 
 EVERY = """

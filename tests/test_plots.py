@@ -1,4 +1,4 @@
-"""Pictures: what they show is what the search finds, on every kind of path."""
+"""Pictures of one spacecraft agree with the conflict search, on every kind of path."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ SPACE = cf.Ellipsoid([5.0, 5.0, 5.0])
 
 
 def crossing(path, time, velocity):
-    """A coasting craft that is 4 m beside a path at a time, with a relative velocity."""
+    """Return a spacecraft that coasts past a path 4 m away at a time, with a relative velocity."""
     meeting = path.state(time) + [2.0, 3.0, -2.0, *velocity]
     return ORBIT.coast(np.linalg.solve(ORBIT.transition(time), meeting), path.end)
 
@@ -75,7 +75,7 @@ def words(axes):
 
 
 def assert_units(figure):
-    """Every labelled axis of a drawn figure names its unit."""
+    """Check that every labelled axis of a drawn figure names its unit."""
     assert isinstance(figure, Figure)
     figure.draw_without_rendering()
     labels = [word for axes in figure.axes for word in words(axes) if word]  # none beside a scale bar
@@ -83,7 +83,7 @@ def assert_units(figure):
 
 
 def spans(figure):
-    """Bars of the timeline by row: (start, end) in the unit of the axis."""
+    """Return the bars of the timeline by row: (start, end) in the unit of the axis."""
     found = {}
     for bars in figure.axes[3].collections:
         if isinstance(bars, PolyCollection):
@@ -94,7 +94,7 @@ def spans(figure):
 
 
 def seconds(figure, path):
-    """The unit of the time axis, in s."""
+    """Return the unit of the time axis [s]."""
     name = figure.axes[3].get_xlabel().removeprefix("time [").removesuffix("]")
     return {"s": 1.0, "min": 60.0, "h": 3600.0, "orbits": path.orbit.period}[name]
 
@@ -118,7 +118,7 @@ def test_conflict_bars_agree_with_the_certified_search(kind):
 def test_paths_of_these_tests_conflict():
     counts = [len(cf.find_conflicts(*kind)) for kind in KINDS.values()]
     assert [count > 0 for count in counts] == [True, True, True, True, False, True]
-    assert counts[1] > 4  # a stay or two in every orbit
+    assert counts[1] > 4  # one or two in every orbit
 
 
 def test_bars_of_each_axis_agree_with_the_distances(kind):
@@ -144,15 +144,13 @@ def test_distance_curve_is_the_relative_position():
     assert np.allclose(curve.get_ydata(), gap, atol=1e-6)  # m; times went through minutes and back
 
 
-def test_two_ways(kind):
-    assert_units(plots.two_ways(*kind))
-
-
-def test_before_after_ratios_and_thrust(kind):
-    path, other, zone = kind
+@pytest.mark.parametrize("kind", ["impulsive", "deep space"])
+def test_axis_labels_state_units(kind):
+    path, other, zone = KINDS[kind]
     ways = ways_around(path, other, zone)
     after = ways[0] if ways else path
     for figure in (
+        plots.two_ways(path, other, zone, ways),
         plots.before_after(path, after, [other], zone, ["target"]),
         plots.ratios(path, after, [other], zone),
         plots.thrust([path, after], ["before", "after"]),

@@ -1,4 +1,4 @@
-"""The surface: what users see of the package is documented, shown in the docs, and quick to load."""
+"""Every public name is documented, shown in the docs and quick to import."""
 
 import ast
 import importlib

@@ -1,4 +1,4 @@
-"""Swaps and random reconfigurations from fixed seeds, every plan flown again.
+"""Swaps and random reconfigurations from fixed seeds, every plan integrated again.
 
 pytest takes a sample; `python tests/test_reconfigure_cases.py` takes all and says how they went.
 """
@@ -18,13 +18,13 @@ CONFLICTING_SAMPLE = range(0, CONFLICTING, 3)
 
 
 def complaints(task):
-    """What is wrong with the plan of a task whose ends are clear: lists of words."""
+    """Return the plan of a task with clear ends, and its faults."""
     plan = cf.reconfigure(**task.arguments)
     return plan, faults(plan, **task.arguments)
 
 
 def refusal(task):
-    """What is wrong with the answer to a task of which two craft conflict where they are held."""
+    """Return the refusal of a task whose ends conflict, and its faults."""
     plan = cf.reconfigure(**task.arguments)
     said = []
     if plan.status != Status.END_INSIDE:
@@ -76,7 +76,7 @@ def test_swap_in_orbit_costs_at_most_three_per_cent_more():
 
 
 def test_random_formations_have_conflicts():
-    """Or planning them shows nothing: their direct paths run into each other."""
+    """Their direct paths conflict, so that planning is needed."""
     conflicts = 0
     for seed in SAMPLE[::4]:
         task = random_case(seed)

@@ -1,4 +1,4 @@
-"""Reports: every kind of stage has its section, and all formats say the same numbers."""
+"""Reports: every kind of stage has its section, and all formats have the same numbers."""
 
 import re
 from html import unescape
@@ -38,7 +38,7 @@ def test_every_kind_of_stage_runs_and_is_reported() -> None:
 
 
 def test_text_of_a_cell() -> None:
-    """Scaled and rounded, what is absent as a dash, a text as it is; what has no heading is not shown."""
+    """Numbers are scaled and rounded, absent values are dashes, columns without a heading are left out."""
     assert [column.heading for column in TABLE.shown] == ["pair", "distance [mm]", "twice", "phase"]
     assert TABLE.texts == [
         ["A - B", "250.0", "0.5 m", "IPS 1"],
@@ -59,7 +59,7 @@ def test_rows_of_zeros_are_merged() -> None:
 
 
 def test_row_as_json() -> None:
-    """In SI, without what is only shown; a cell of parts under its key, or by parts without one."""
+    """Values are in SI, without columns for display only; a cell of parts is nested under its key."""
     first = {"pair": ["A", "B"], "distance_m": 0.25, "ratio": 1.5, "phase": "IPS", "round": 1}
     assert Table("", TABLE.columns, TABLE.rows[:1]).records == [first]
 
@@ -89,7 +89,7 @@ def test_cells_of_the_page() -> None:
     "text", [NEARER, searched(FIRST, AFTER, position=PLACES, velocity=MOVING)], ids=["move", "search"]
 )
 def test_every_number_of_a_file_is_in_the_summary(text: str) -> None:
-    """What Parquet says of conflicts and craft, the summary says too: both come from the same rows."""
+    """Conflicts and spacecraft have the same numbers in Parquet files and in the summary."""
     report = run.RunReport(fly(parse(text)))
     stages = report.summary["stages"]
     conflicts = report.files["conflicts"]

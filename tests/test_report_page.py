@@ -1,4 +1,4 @@
-"""report.html as it is handed in: requirements, budget, limits of the model; and that of screenings."""
+"""report.html: requirements, delta-v budget, model error and reproduction; pages of screenings."""
 
 import json
 import re
@@ -120,7 +120,7 @@ def test_page_starts_with_requirements_and_ends_with_reproduction(handed_in):
     ],
 )
 def test_each_requirement_has_its_row(changes, broken):
-    """What is not met is what was made impossible, and it alone; all of them together are the verdict."""
+    """Only the requirement made impossible is not met; all together are the verdict."""
     text = LIMITED
     for old, new in changes.items():
         assert old in text
@@ -246,7 +246,7 @@ def desk(tmp_path, monkeypatch):
 
 
 def test_screening_writes_the_files_of_a_run(desk, capsys):
-    """Tables of what is printed, states of the common frame, pictures, page; the summary tells them all."""
+    """Printed tables, states of the common frame, pictures and page are all listed in the summary."""
     assert main(["screen", "A.oem", "B.oem", "--ellipsoid", "20 800 20 m"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 conflict remains; results in A-screen-results"
     place = desk / "A-screen-results"

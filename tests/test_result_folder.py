@@ -1,4 +1,4 @@
-"""Result folders under attack: two at once, files of others, and an end at every single step on the disk."""
+"""Result folders with two writers, foreign files, and an interruption at every file operation."""
 
 import json
 import os
@@ -20,7 +20,7 @@ BUILDERS = {"run": folder, "study": partial(folder, study=True)}
 
 
 def fill(under_way: Folder, age: str) -> None:
-    """Leave three files that all say how old they are; one is in a folder that only new results have."""
+    """Write three files with their age as content; one is in a folder that only new results have."""
     under_way.text("figures.txt", age)
     if age == "new":
         (under_way.path / "cases").mkdir()
@@ -304,7 +304,7 @@ def command(*arguments: str, **options) -> subprocess.Popen:
 
 
 def test_two_commands_at_once(tmp_path) -> None:
-    """Two scenarios into one folder, five times: what is there is of one of them, and it says so."""
+    """Two scenarios write to one folder five times: the results are those of one of them."""
     for name in ("one", "two"):
         (tmp_path / f"{name}.toml").write_text(GOOD.replace("Three craft", f"Scenario {name}"))
     for attempt in range(3):

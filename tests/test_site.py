@@ -1,4 +1,4 @@
-"""The documentation site: no warning, nothing from a network, every link inside it leads somewhere."""
+"""The documentation site builds without warnings, needs no network and has valid links."""
 
 import re
 import subprocess
@@ -54,7 +54,7 @@ def test_every_page_is_built(site: Path) -> None:
     for source in (ROOT / "docs").glob("*.md"):
         heading = re.match(r"# (\w+)", source.read_text(encoding="utf-8"))
         assert heading is not None
-        # a page that is called like one of Sphinx's own, search, say, would not be seen
+        # a page with the name of one of Sphinx's own, such as search, would be hidden
         assert f"<h1>{heading[1]}" in (site / f"{source.stem}.html").read_text(encoding="utf-8")
 
 

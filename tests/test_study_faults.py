@@ -1,4 +1,4 @@
-"""Studies under attack, real processes: nothing lost, nothing counted twice, every row as undisturbed."""
+"""Studies in killed processes and on full disks: rows equal those of an undisturbed study."""
 
 import os
 import re
@@ -28,7 +28,7 @@ STUDY = [*CLOSEFORM, "study", "s04.toml", "--cases", str(CASES), "--out", "out"]
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study that nobody disturbs."""
+    """Return the results of an undisturbed study."""
     place = tmp_path_factory.mktemp("original")
     lines = S04.read_text().splitlines(keepends=True)
     (place / "s04.toml").write_text("".join(line for line in lines if not line.startswith("sampled")))
@@ -70,12 +70,12 @@ def until(holds: Callable[[], object], patience: float = 60.0) -> None:
 
 
 def goes_on(kept: int) -> list[str]:
-    """What a study says of the chunks that are there, if there are some."""
+    """Return the reported number of finished chunks, if there are some."""
     return [f"out: continuing, {kept * (CASES // 40)} of {CASES} cases are complete"] if kept else []
 
 
 def said(err: str) -> list[str]:
-    """What a study says on standard error, but for how far it is, as one of more than half a minute tells."""
+    """Return the standard error of a study without its progress lines."""
     return [line for line in err.splitlines() if not FAR.fullmatch(line)]
 
 
@@ -169,7 +169,7 @@ def test_killed_workers_change_no_result(original: Path, desk: Path, machines: M
 
 
 def test_lost_chunk_is_evaluated_again(machines: Machines) -> None:
-    """A worker that is killed when it has flown a task, before its answer is fetched: no lost scheduler."""
+    """A worker is killed after evaluating a task, before its result is fetched."""
     with Cluster(str(machines.file)) as cluster:
         until(lambda: cluster.threads() == 2)
         future = cluster.client.submit(lambda: time.sleep(3.0) or "flown", pure=False)
@@ -225,7 +225,7 @@ def test_killed_scheduler_is_reported_in_one_line(original: Path, desk: Path, ma
 
 
 def test_certificates_are_used(original: Path, desk: Path, monkeypatch) -> None:
-    """tls:// with an authority of our own: with its certificate the study is flown, without in a line not."""
+    """tls:// with an own authority: the study runs with its certificate, and fails in one line without."""
     if shutil.which("openssl") is None:
         pytest.skip("needs openssl")
     make = [

@@ -1,4 +1,4 @@
-"""Sweeps: each point is the study of the file with its values, row for row; what cannot be swept says so."""
+"""Sweeps: each point equals the study of the file with its values; invalid sweeps are reported."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Thousands of craft: nothing is kept that grows with the pairs, and the closest are found all the same."""
+"""Thousands of spacecraft: memory does not grow with the pairs, and the closest pairs are found."""
 
 import subprocess
 import sys

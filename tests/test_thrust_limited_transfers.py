@@ -82,7 +82,7 @@ def program(n: float, begin, end, duration: float, limit: float, sparing: bool, 
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
 @pytest.mark.parametrize("orbit", [ORBIT, DEEP], ids=["orbit", "deep space"])
 def test_convex_programs_agree_on_cost_and_feasibility(orbit, cost):
-    """Theirs hold thrust for 1/240 of the time: dearer by some 1e-4 of the cost, and never cheaper."""
+    """The programs hold thrust for 1/240 of the time, which costs some 1e-4 more and never less."""
     begins, ends, durations, free, limits = cases(5, 8, 0.6, 1.1, orbit)
     for begin, end, duration, limit in zip(begins, ends, durations, limits, strict=True):
         least = program(orbit.mean_motion, begin, end, duration, limit, cost == "delta-v")
@@ -198,7 +198,7 @@ def test_inactive_limit_changes_nothing():
 
 
 def test_bound_within_a_limit_agrees_with_its_primer():
-    """By weak duality from the primer alone: worth of what is gained, less U times what |p| exceeds 1 by."""
+    """Weak duality: the value of the transfer less the limit times the integral of max(|p| - 1, 0)."""
     begins, ends, durations, free, _ = cases(37, 6, 1.0, 1.0)
     limits = 1.5 * free.peak_thrust
     bound = cf.least_delta_v(ORBIT, begins, ends, durations, limits)
@@ -246,7 +246,7 @@ def test_batches_broadcast_and_name_infeasible_members():
 
 
 def test_conflicts_of_saturated_paths_agree_with_dense_sampling():
-    """What is planned within a limit is searched like any path: with itself a moment later, with a coast."""
+    """Conflicts with the same path a moment later and with a coast agree with dense samples."""
     begins, ends, durations, free, _ = cases(29, 2, 1.0, 1.0)
     path = ORBIT.transfer(begins[0], ends[0], 3000.0, 0.0, free.peak_thrust[0] * 30, "delta-v")
     other = ORBIT.coast(path.state(1500.0) * 1.01, 3000.0)
@@ -275,7 +275,7 @@ def test_invalid_input_is_named(arguments, named):
 
 @pytest.mark.parametrize("limit", [0.1, 1.0, 10.0])
 def test_high_limits(limit):
-    """Burns of seconds in transfers of an hour: hardly dearer than impulses, and within the limit."""
+    """Burns of seconds in transfers of an hour cost little more than impulses."""
     orbit = cf.Orbit.circular(500e3)
     n, rng = orbit.mean_motion, np.random.default_rng(5)
     for _ in range(25):
@@ -326,7 +326,7 @@ def test_short_burns_cost_little_more_than_the_bound(factor, seed):
 
 
 def test_burns_belong_to_their_spacecraft(monkeypatch):
-    """Short burns that are too dear are left to another method; the next of the batch may be refused."""
+    """Costly short burns use another method; the next member of the batch may be infeasible."""
     begins, ends, durations, free, _ = cases(42, 12, 1.0, 1.0)
     limits = free.peak_thrust * np.tile([1100.0, 0.3], 6)
     monkeypatch.setattr("closeform.motion.minimum_delta_v.within_limit.WORST", -1.0)

@@ -1,4 +1,4 @@
-"""What a run comes to, limits beside clearance: on the terminal, in the summary, on the page, in Python."""
+"""Verdicts: conflicts and limits of thrust, delta-v and propellant, in output, summary, page and Python."""
 
 import json
 import re
@@ -52,7 +52,7 @@ def passing(limits: str, stage: str = "", text: str = TWO) -> str:
 
 
 def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
-    """Status, what is printed, the summary and the page in words, of a run without pictures."""
+    """Return the status, output, summary and page of a run without pictures."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("file.toml").write_text(text)
@@ -71,7 +71,7 @@ def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict,
 def test_plan_beyond_budget_and_propellant(
     limits: str, words: str, what: str, unit: str, tmp_path, monkeypatch, capsys
 ) -> None:
-    """Clear, but not within its limit: status 1, and who and what is named everywhere."""
+    """Clear but beyond a limit: status 1, and spacecraft and limit are named."""
     status, printed, summary, page = run(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
     assert status == 1
     last = printed.splitlines()[-1]
@@ -107,7 +107,7 @@ FELLOW = """meanwhile = [{ craft = "B", to = { position = "0 0 500 m", velocity 
 
 
 def test_other_spacecraft_beyond_its_thrust_limit(tmp_path, monkeypatch, capsys) -> None:
-    """B's own transfer over 500 m needs 6 L / T^2, which no search for a way around lessens."""
+    """B's own transfer over 500 m needs 6 L / T^2."""
     status, printed, summary, _ = run(passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys)
     assert status == 1
     assert printed.splitlines()[-1] == "limits are not kept: thrust (B); results in file-results"
@@ -120,7 +120,7 @@ def test_other_spacecraft_beyond_its_thrust_limit(tmp_path, monkeypatch, capsys)
 
 
 def test_stopped_mission_reports_an_exceeded_budget() -> None:
-    """What was flown before counts, with what made it stop."""
+    """Stages executed before the stop count."""
     stage = passing('delta_v_budget = "0.3 m/s"') + TWO[TWO.index("\n[[stage]]") :].replace(
         "0 100 3", "0 5 3"
     )
@@ -151,7 +151,7 @@ def test_conflicts_and_pairs_are_both_counted(conflicts: int, pairs: int, words:
 
 
 def test_repeated_conflicts_of_a_pair() -> None:
-    """Cross-track, B and C swing through A's zone twice an orbit, and through each other's once between."""
+    """B oscillates cross-track through A's zone twice an orbit."""
     text = """\
 closeform = 1
 title = "Swings"
@@ -170,7 +170,7 @@ for = "12000 s"
 """
     mission = fly(parse(text))
     # z = 200 m cos(n t) is within 20 m of A around 1500, 4500, 7500, 10500 and 13500 s; the stages' edge at
-    # 1500 s cuts the first in two, which is one stay all the same
+    # 1500 s cuts the first in two, which counts as one conflict
     assert [len(result.after.conflicts) for result in mission.results] == [1, 5]
     assert conflicts_in(result.after for result in mission.results) == (5, 1)
     assert str(mission.verdict) == "5 conflicts of 1 pair remain"
@@ -179,7 +179,7 @@ for = "12000 s"
 
 
 def test_conflicts_of_a_coast_are_summed_up() -> None:
-    """Ten craft swing through one place twice an orbit, all 45 pairs at once: 180 stays, a row for a pair."""
+    """All 45 pairs of ten spacecraft meet four times: 180 conflicts, a row for each pair."""
     names = ", ".join(f'"C{k}"' for k in range(10))
     swings = ", ".join(f'{{ palmer = "0 0 0 0 {200 + 100 * k} 0 m" }}' for k in range(10))
     text = f"""\
@@ -218,7 +218,7 @@ LONG = DEEP.coast(np.zeros(6), 1e5)
 
 @pytest.mark.parametrize(("n", "method"), [(0.0, "exact"), (1.1e-3, "exact"), (1.1e-3, "sauter-palmer")])
 def test_avoid_extends_the_duration_to_keep_a_thrust_limit(n: float, method) -> None:
-    """Flown again by an integrator: the final state is reached, zone and thrust limit are kept."""
+    """By an integrator, the final state is reached, and zone and thrust limit are kept."""
     orbit = cf.Orbit(n)
     path, rock = orbit.transfer(BEFORE, BEHIND, 1000.0), orbit.coast(np.zeros(6), 1e5)
     free = cf.avoid(path, rock, BALL, method)
@@ -253,7 +253,7 @@ def test_inactive_limit_changes_nothing() -> None:
 
 
 def test_clear_path_beyond_the_limit() -> None:
-    """Rest to rest in deep space keeps the limit from sqrt(6 L / limit) on, and not before."""
+    """Rest to rest in deep space keeps the limit from a duration of sqrt(6 L / limit) on."""
     far = DEEP.coast([500.0, 0, 0, 0, 0, 0], 1e5)
     limit = 0.5 * PEAK
     kept = cf.avoid(PATH, far, BALL, max_acceleration=limit)
@@ -275,7 +275,7 @@ def test_clear_path_beyond_the_limit() -> None:
             {},
             "give more time, with obstacles and an orbit that are known beyond 1000 s",
         ),
-        (DEEP.coast(np.zeros(6), 1050.0), {}, "raise the limit"),  # not beyond what is known of the obstacle
+        (DEEP.coast(np.zeros(6), 1050.0), {}, "raise the limit"),  # within the known path of the obstacle
         (LONG, {"longer": False}, "allow longer, or give more time"),
     ],
 )
@@ -307,7 +307,7 @@ def test_invalid_limits_are_refused(wrong) -> None:
         cf.avoid(PATH, LONG, BALL, max_acceleration=wrong)
 
 
-# the same in a file, which speaks of newtons
+# in scenarios, with limits in newtons
 
 MOVE = """
 [[stage]]
@@ -461,7 +461,7 @@ def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
 
 @pytest.mark.parametrize("stage", ["gather", "lock"])
 def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, capsys) -> None:
-    """Case by case, flown alone by `run`: clear of zones, within budget and propellant."""
+    """Each case is as clear and within its limits as its run."""
     monkeypatch.chdir(tmp_path)
     text = LOST.replace('do = "gather"', f'do = "{stage}"')
     Path("lost.toml").write_text(text)

@@ -1,4 +1,4 @@
-"""The scene of a mission: against the closed form, the contract with the page, and what others measure."""
+"""Scenes of the viewer against their schema, the closed form and independent measurements."""
 
 import json
 import re
@@ -134,7 +134,7 @@ def test_delta_v_adds_up_to_that_of_the_mission(name: str) -> None:
 
 
 def test_thrust_integrates_to_the_delta_v() -> None:
-    """Linear between its rows: to the 1e-3 that nobody sees."""
+    """Interpolate linearly between rows, to an invisible 1e-3."""
     page = seen("cluster")
     thrust = page.record["thrusts"][0]
     time, *push = page.rows(thrust["rows"]).T.astype(float)
@@ -346,7 +346,7 @@ for = "10 min"
 
 
 def quoted(name: str) -> str:
-    """A string of TOML."""
+    """Return a TOML string."""
     return '"' + "".join(f"\\U{ord(letter):08x}" for letter in name) + '"'
 
 
@@ -375,7 +375,7 @@ def test_equal_missions_give_equal_bytes() -> None:
 
 
 def test_day_of_eight_spacecraft_is_small() -> None:
-    """Below what the page of a plan may weigh with its script; an hour of five craft, too."""
+    """The page stays below the size limit with its script, also for an hour of five spacecraft."""
     text = (EXAMPLES / "cluster.toml").read_text()
     assert text.count('for = "1 orbit"') == 1
     day = flown(text.replace('for = "1 orbit"', 'for = "1360 min"'))
@@ -385,7 +385,7 @@ def test_day_of_eight_spacecraft_is_small() -> None:
 
 
 def test_large_formations_are_shown_as_stills(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And says why; few are a crowd here, so that the test is quick."""
+    """The page states why; the threshold is low here, which makes the test quick."""
     monkeypatch.setattr("closeform.viewer.page.MOST", 7)
     parts = Parts(document(scene_of(Shown.of_mission(mission("cluster")))))
     assert parts.scripts == {}
@@ -427,7 +427,7 @@ def test_study_links_its_worst_cases(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_screened_ephemerides_and_messages_have_a_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """GRACE's two in samples, whose thrust nobody knows; in UTC, while the files are in GPS time."""
+    """The two GRACE spacecraft in samples, without known thrust; in UTC, from files in GPS time."""
     files = [str(EXAMPLES / "grace" / f"GRACE-{letter}.oem") for letter in "AB"]
     options = ["--ellipsoid", "20 40 20 m", "--out", str(tmp_path / "screen")]
     assert main(["screen", *files, *options]) == 0

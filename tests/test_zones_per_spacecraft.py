@@ -397,7 +397,7 @@ def test_zones_made_on_demand(kind: str) -> None:
     count, paths = 70, crowd(70)
     own = different_zones(count, kind)
     pairs = cf.PairZones.of(own)
-    assert len(pairs.zones) == 0  # nobody has asked
+    assert len(pairs.zones) == 0  # none was requested
     found = cf.screen(paths, pairs)
     assert len(found) > 5
     assert len(pairs.zones) < count * (count - 1) // 8

@@ -85,7 +85,7 @@ class Turning:
 
 
 def margin(boresight, position, half_angle, offset=0.0, longest=inf):
-    """What is missing to a lock [m], positive where there is none, and the length |q| it is relative to.
+    """Return the distance from a lock [m], positive if there is none, and its reference length |q|.
 
     Arrays (..., 3); the sensors sit at an offset along the two boresights.
     """
