@@ -1,4 +1,4 @@
-"""Bodies that turn for themselves, each with its own errors, and when two of them see each other; sampled."""
+"""Independent model of searches with errors: sampled attitudes of two bodies, and their first lock."""
 
 from dataclasses import dataclass
 from math import cos, inf, radians

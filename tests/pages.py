@@ -1,4 +1,4 @@
-"""What a browser finds in a viewer page: its scene, read by an HTML parser, decoded by the contract."""
+"""The scene of a viewer page, read by an HTML parser and decoded according to its schema."""
 
 import base64
 import json

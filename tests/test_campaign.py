@@ -41,7 +41,7 @@ from pages import assert_linked
 from test_cli import numbers
 from test_gathering_burn_errors import LOST
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
@@ -93,7 +93,7 @@ def without_samples(scenario: Scenario) -> Scenario:
     return replace(scenario, study=scenario.study.model_copy(update={"sampled": ()}))
 
 
-# draws
+# samples
 
 
 def philox(counter: int, key: tuple[int, int]) -> list[int]:
@@ -306,7 +306,7 @@ def test_sampled_detection_agrees_with_angles() -> None:
         assert (exact.time[legs >= 0] <= times[legs >= 0]).all()
 
 
-# locks of several pairs, and failures
+# several pairs, and failed cases
 
 
 def test_lock_time_of_a_case_is_that_of_its_last_pair(tmp_path) -> None:

@@ -22,7 +22,7 @@ from closeform.scenario import ScenarioError, load, parse
 from closeform.storage.result_folder import LOCK, PRIVATE
 from closeform.uncertainty.covariance_propagation import uncertainty_at_end
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 HEAD = """\
 closeform = 1
@@ -99,7 +99,6 @@ def test_propagation_keeps_a_tiny_standard_deviation() -> None:
 def test_verdict_reports_the_least_sigma_clearance(tmp_path, monkeypatch, capsys) -> None:
     """A requirement that is not met names its stage and sets status 1."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     orbit = cf.Orbit.circular(550e3)
     paths = [orbit.coast([0, y, 0, 0, 0, 0], 0.6 * orbit.period) for y in (0.0, 40.0)]
     errors = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)

@@ -43,7 +43,10 @@ def named(task, reason):
     return all(str(k if k < task.count else k - task.count) in reason for k in task.pair)
 
 
-@pytest.mark.parametrize("seed", SAMPLE[::4])
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(k, marks=[pytest.mark.slow] * (k == 144)) for k in SAMPLE[::4]],  # seconds
+)
 def test_random_formations_are_planned(seed):
     _, said = complaints(random_case(seed))
     assert said == []

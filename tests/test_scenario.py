@@ -247,7 +247,7 @@ def test_sample_values() -> None:
     assert load(EXAMPLES / "f6_scatter.toml").stages[3].durations["within"] == Duration(orbits=1.0)
 
 
-def test_moves_meanwhile() -> None:
+def test_spacecraft_are_listed_by_the_key_that_names_them() -> None:
     fellow = 'meanwhile = [{ craft = "F1", to = { position = "0 -50 0 m", velocity = "0 0 0 m/s" } }]'
     stage = parse(GOOD + fellow).stages[1]
     assert isinstance(stage, Avoid)

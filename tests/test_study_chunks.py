@@ -21,7 +21,7 @@ from closeform.scenario import ScenarioError, load, parse
 from closeform.search.lock_statistics import TimeHistogram
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 STUDY = ["study", "narrow.toml", "--out", "out"]
 
@@ -36,7 +36,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(unpainted: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def undisturbed(undrawn: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the results of the study without an interruption."""
     place = tmp_path_factory.mktemp("undisturbed")
     (place / "narrow.toml").write_text(NARROW)

@@ -43,7 +43,7 @@ within = "1000 s"
 """
 CLEAR = TWO.replace(" 3 m", " 25 m")  # by 5 m, on the direct path
 # Rest to rest over 200 m in 1000 s: thrust falls from 6 L / T^2 to its opposite, by which 3 L / 2 T are
-# gained to the middle, and lost again.
+# gained up to the middle, and lost again.
 PEAK, SPENT = 6.0 * 200.0 / 1000.0**2, 3.0 * 200.0 / 1000.0
 
 
@@ -398,7 +398,7 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
     assert summary["propellant_kg"]["A"] == pytest.approx(100.0 - mass, rel=1e-12)
 
 
-# a study: in what share of its cases a run would end with status 0
+# studies: the share of cases whose run has status 0
 
 LOST = """\
 closeform = 1
@@ -463,6 +463,7 @@ def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
 def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, capsys) -> None:
     """Each case is as clear and within its limits as its run."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = LOST.replace('do = "gather"', f'do = "{stage}"')
     Path("lost.toml").write_text(text)
     campaign = cf.study("lost.toml")
@@ -494,7 +495,7 @@ def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, c
     assert '<p class="verdict bad">' in page
 
 
-# pictures of a file's thrust
+# plots of thrust
 
 
 def test_thrust_is_plotted_in_newtons_for_force_limits() -> None:

@@ -425,9 +425,10 @@ def test_study_links_its_worst_cases(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_screened_ephemerides_and_messages_have_a_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The two GRACE spacecraft in samples, without known thrust; in UTC, from files in GPS time."""
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     files = [str(EXAMPLES / "grace" / f"GRACE-{letter}.oem") for letter in "AB"]
     options = ["--ellipsoid", "20 40 20 m", "--out", str(tmp_path / "screen")]
     assert main(["screen", *files, *options]) == 0

@@ -1,4 +1,4 @@
-"""Independent truth for searches: the papers' turns, one after the other; nothing uses the package.
+"""Independent truth for searches: the papers' turns, in sequence; nothing here uses the package.
 
 Each group has its own turns about its own body axes, as S04 figure 4 and H03 figure 5 give them:
 about the body's y they have opposite signs in the two groups, about the sun line they are the same.
