@@ -15,7 +15,7 @@ ORBIT = cf.Orbit(1.1e-3)
 PATH = ORBIT.coast([60, 30, 20, 0, -0.132, 0.03], 3000.0)
 OTHER = ORBIT.transfer([0] * 6, [20, 0, 0, 0, 0, 0], 3000.0)
 PAIR = PATH, OTHER, cf.Sphere(50.0)
-OPTIONS = {"zone": cf.Sphere(50.0), "frames": 7}
+OPTIONS = {"zone": cf.Sphere(50.0), "frames": 2}
 PICTURES = [
     Picture("distances", "caption 1", "distances", PAIR),
     Picture("two_ways", "caption 2", "two_ways", PAIR),
@@ -25,7 +25,7 @@ PICTURES = [
 
 @pytest.fixture
 def others(monkeypatch):
-    """Other processes that draw."""
+    """Let worker processes draw."""
     monkeypatch.setattr(drawing, "_begun", [True])
 
 
@@ -40,7 +40,7 @@ def files(place, pictures=PICTURES):
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
-    """The files that one process draws."""
+    """Return the files that one process draws."""
     found, said = files(tmp_path_factory.mktemp("alone"))
     assert f"picture {len(PICTURES)} of {len(PICTURES)}: film" in said
     return found

@@ -138,18 +138,6 @@ def test_many_exceeded_limits_are_counted() -> None:
     assert str(verdict) == "limits are not kept: thrust (F0, F1, F2, 37 more), delta-v (F1)"
 
 
-@pytest.mark.parametrize(
-    ("conflicts", "pairs", "words"),
-    [
-        (1, 1, "1 conflict remains"),
-        (2, 1, "2 conflicts of 1 pair remain"),
-        (79, 15, "79 conflicts of 15 pairs remain"),
-    ],
-)
-def test_conflicts_and_pairs_are_both_counted(conflicts: int, pairs: int, words: str) -> None:
-    assert str(Verdict(None, conflicts, pairs, None, False)) == words
-
-
 def test_repeated_conflicts_of_a_pair() -> None:
     """B oscillates cross-track through A's zone twice an orbit."""
     text = """\

@@ -15,6 +15,8 @@ from closeform.scenario import ScenarioError, parse
 from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.pair_zones import all_made
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SPACE = cf.Orbit(0.0)
 COVARIANCE = np.diag([25.0, 400.0, 25.0])  # sigma 5, 20 and 5 m
 PLACE = np.array([18.75, 0.0, 0.0])  # 1.25 times three sigmas of one, 0.884 of both
