@@ -1,4 +1,4 @@
-"""One answer of each kind, small: what tests of pictures, of words and of pickles look at."""
+"""One small result of each class, for tests of pictures, texts and pickles."""
 
 from dataclasses import replace
 from functools import cache
@@ -100,7 +100,7 @@ SWEEP = """
 
 
 def loaded() -> dict[str, Any]:
-    """What a run and two studies left, opened again."""
+    """Return the loaded results of a run and two studies."""
     with TemporaryDirectory() as place:
         opened = {}
         for name, verb, text in (
@@ -190,7 +190,7 @@ NAMES = (  # known before they are made, which takes seconds and compiles most k
 
 @cache
 def answers() -> dict[str, Any]:
-    """An answer by the name of its class; "empty" ones and batches have words before it."""
+    """Return results by the name of their class; variants have words before it."""
     orbit, ball = cf.Orbit.circular(550e3), cf.Sphere(20.0)
     craft = np.array([[0.0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], [0, 10, 0, 0, 0, 0]])
     moves = orbit.transfer(craft, craft[[1, 0, 2]], 200.0)

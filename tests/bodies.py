@@ -1,4 +1,4 @@
-"""Bodies that turn for themselves, each with its own errors, and when two of them see each other; sampled."""
+"""Independent model of searches with errors: sampled attitudes of two bodies, and their first lock."""
 
 from dataclasses import dataclass
 from math import cos, inf, radians
@@ -91,7 +91,7 @@ class Body:
 
 
 def missing(a, b, sensor, r, v, times):
-    """What is missing to a lock at each time [m]: each must see the other's sensor, within both ranges."""
+    """Return the distance from a lock at each time [m]: each sees the other's sensor, within both ranges."""
     one, other = a.boresights(times), b.boresights(times)
     q = r + np.outer(times, v) + sensor.offset * (other - one)
     q -= 0.5 * (b.solar_acceleration - a.solar_acceleration) * np.outer(times**2, SUN)

@@ -1,4 +1,4 @@
-"""Before NumPy is loaded: small matrices on many BLAS threads take longer, not shorter."""
+"""Settings of the suite; one BLAS thread, set before NumPy is loaded, is fastest for small matrices."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ APART = ("slow", "fault", "site", "basilisk")  # markers of tests with commands 
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without files or a selection: all but the tests that are APART."""
+    """Deselect tests APART unless files or markers are given; compile kernels before workers start."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background of a script
         signal.signal(signal.SIGINT, signal.default_int_handler)
     whole = config.args_source is not config.ArgsSource.ARGS
@@ -32,22 +32,21 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """The browser's tests need an extra of their own: they are looked at by `-m browser` or by name only."""
+    """Collect the browser's tests, which need an extra, only for `-m browser` or by name."""
     asked = "browser" in config.option.markexpr or any("browser" in argument for argument in config.args)
     return True if collection_path.name == "browser" and not asked else None
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """All tests run side by side on all cores; a file or test that is named runs in this process."""
+    """Run all tests in parallel on all cores, but a named file or test in this process."""
     return 0 if config.args_source is config.ArgsSource.ARGS else None
 
 
 @pytest.fixture(scope="module")
 def unpainted() -> Iterator[None]:
-    """For tests of what commands say and leave: their pictures are composed, with all words, but not painted.
+    """Compose the pictures of commands, with all texts, but do not render them, which takes half of a run.
 
-    That takes half of the time of a run; pictures that somebody looks at have tests of their own, and so
-    has what is made only as they are painted, as numbers along axes.  `.ci/examples` paints all of them.
+    Other tests and `.ci/examples` render pictures.
     """
     from PIL import Image
 

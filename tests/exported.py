@@ -1,4 +1,4 @@
-"""Exports that tests read back by readers that are not closeform's."""
+"""Exports for tests, and plain readers of their formats."""
 
 from datetime import datetime
 from pathlib import Path

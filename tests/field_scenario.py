@@ -1,4 +1,4 @@
-"""Scenarios that are flown in a field."""
+"""Scenarios with a high-fidelity model."""
 
 SWAP = """\
 closeform = 1
@@ -38,5 +38,5 @@ IN_AIR = {"field": f"zonals = 2, {AIR}", "chief": 'ballistic = "0.02 m^2/kg"'}
 
 
 def swap(field: str = "zonals = 2", chief: str = "", craft: str = "", more: str = "") -> str:
-    """Two craft that touch as they pass: flown as planned, they enter each other's zone."""
+    """Return a scenario of two spacecraft whose zones touch as planned; disturbances make them conflict."""
     return SWAP.format(field=field, chief=chief, craft=craft) + more

@@ -1,4 +1,4 @@
-"""What a browser finds in a viewer page: its scene, read by an HTML parser, decoded by the contract."""
+"""The scene of a viewer page, read by an HTML parser and decoded according to its schema."""
 
 import base64
 import json
@@ -60,7 +60,7 @@ class Seen:
         return flat if block["columns"] == 1 else flat.reshape(block["rows"], block["columns"])
 
     def state(self, track: dict[str, Any], time: float) -> np.ndarray:
-        """Position (3,) by SciPy's cubic Hermite spline; at an impulse nobody asks."""
+        """Return the position (3,) by SciPy's cubic Hermite spline, away from impulses."""
         from scipy.interpolate import CubicHermiteSpline
 
         times, states = self.rows(track["times"]), self.rows(track["states"]).astype(float)

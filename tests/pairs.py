@@ -1,4 +1,4 @@
-"""Random pairs of craft, each flown twice: by the package, and by `truth.Flight`.
+"""Random pairs of spacecraft, each propagated by the package and by `truth.Flight`.
 
 A batch shares its orbit, duration and kinds of path, so that the truth works on arrays.
 """

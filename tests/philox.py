@@ -1,4 +1,4 @@
-"""Independent truth for what studies draw: blocks of NumPy's own generator, by seed, key and counter."""
+"""Independent samples of studies: blocks of NumPy's generator by seed, key and counter."""
 
 import numpy as np
 

@@ -249,8 +249,8 @@ def faults(
     order=None,
     if_blocked=(),
 ):
-    """What is wrong with a plan for what was asked: lists of words, empty where nothing is."""
-    del if_blocked  # what was done of it is in the plan's measures
+    """Return the faults of a plan against its requirements; an empty list if there are none."""
+    del if_blocked  # the measures of the plan list what was done
     if not plan.ok:
         return [f"{plan.status}: {plan.reason}"]
     initial, final = np.asarray(initial, dtype=float), np.asarray(final, dtype=float)

@@ -1,4 +1,4 @@
-"""Two scenario files for tests: a cluster through which a craft flies, and lost craft that search."""
+"""Two scenarios for tests: a spacecraft that crosses a cluster, and lost spacecraft that search."""
 
 GOOD = """\
 closeform = 1

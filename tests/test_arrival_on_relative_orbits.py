@@ -118,7 +118,7 @@ def test_given_and_cheapest_phase_exclude_each_other():
 
 
 @pytest.mark.parametrize("do", ["avoid", "transfer"])
-def test_the_cheapest_phase_by_energy(do):
+def test_arrival_phase_of_minimum_energy(do):
     flown = mission(do, "energy", ', phase = "cheapest"')
     end = flown.results[0].after.path("Inspector").state(DURATION)
     phases = np.linspace(0.0, 2 * np.pi, 3601)
@@ -134,7 +134,7 @@ def test_the_cheapest_phase_by_energy(do):
     assert f"{figures['phase_deg']:.2f} deg, lowest cost" in "\n".join(lines(flown))
 
 
-def test_the_cheapest_phase_by_delta_v():
+def test_arrival_phase_of_minimum_delta_v():
     flown = mission("transfer", "delta-v", ', phase = "cheapest"')
     spent = flown.results[0].after.path("Inspector").delta_v
     finals = np.array([state_at(phase) for phase in np.linspace(0.0, 2 * np.pi, 721)])

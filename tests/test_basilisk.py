@@ -35,7 +35,7 @@ def test_same_field_and_thrust(example: ModuleType, tmp_path: Path) -> None:
     assert alike < 1e-3  # m, asked; reached: 1e-6
     steps, off = np.array(apart).T
     assert off[-1] < 1e-3
-    # what is left is the holding: of second order in its time
+    # the remaining error of held thrust is of second order in its time
     assert np.diff(np.log(off)) / np.diff(np.log(steps)) == pytest.approx(2.0, abs=0.1)
 
 

@@ -1,4 +1,4 @@
-"""Studies: draws, statistics, both examples against the papers, what a folder holds, every message."""
+"""Studies of searches: samples, statistics, examples against the papers, result folders and messages."""
 
 import json
 import re
@@ -41,12 +41,12 @@ from pages import assert_linked
 from test_cli import numbers
 from test_gathering_burn_errors import LOST
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
 
-# Three craft whose sensors are too narrow for their tips: some pairs never lock.
+# Three spacecraft with sensors too narrow for their tips: some pairs never lock.
 NARROW = """\
 closeform = 1
 title = "Narrow"
@@ -80,7 +80,7 @@ GATHERING = NARROW.replace('do = "lock"', 'do = "gather"').replace('sampled = ["
 
 @pytest.fixture(scope="module")
 def s04(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The example as it stands, 150 000 cases: its folder and what it printed."""
+    """Return the folder and the output of the example with its 150 000 cases."""
     place = tmp_path_factory.mktemp("s04") / "results"
     printed = StringIO()
     with redirect_stdout(printed):
@@ -93,7 +93,7 @@ def without_samples(scenario: Scenario) -> Scenario:
     return replace(scenario, study=scenario.study.model_copy(update={"sampled": ()}))
 
 
-# draws
+# samples
 
 
 def philox(counter: int, key: tuple[int, int]) -> list[int]:
@@ -108,7 +108,7 @@ def philox(counter: int, key: tuple[int, int]) -> list[int]:
 
 
 def test_random_numbers_are_the_blocks_of_philox() -> None:
-    """Craft c of 3 in case K has the block after counter 3 K + c, whatever range it is drawn in."""
+    """Spacecraft c of 3 in case K has the block after counter 3 K + c, in any range of cases."""
     key = np.random.SeedSequence(11, spawn_key=tuple(b"craft.position")).generate_state(2, np.uint64).tolist()
     found = uniform(11, "craft.position", 3, 40, 42)
     for case in (0, 1):
@@ -118,16 +118,16 @@ def test_random_numbers_are_the_blocks_of_philox() -> None:
             np.testing.assert_array_equal(found[case, craft], expected)
 
 
-def test_a_case_is_the_same_in_any_range() -> None:
+def test_samples_of_a_case_do_not_depend_on_the_range() -> None:
     scenario = parse(NARROW)
     whole = drawn(scenario, 7, 0, 60)
     for first, last in ((0, 1), (17, 18), (23, 51), (59, 60)):
         np.testing.assert_array_equal(drawn(scenario, 7, first, last), whole[first:last])
     assert not np.isin(drawn(scenario, 8, 0, 60)[..., :2], whole[..., :2]).any()
-    assert len(np.unique(whole)) == whole.size  # every case, craft and component anew
+    assert len(np.unique(whole)) == whole.size  # all cases, spacecraft and components differ
 
 
-def test_the_order_of_keys_does_not_matter_nor_do_other_keys() -> None:
+def test_samples_do_not_depend_on_other_keys() -> None:
     lines = NARROW.splitlines(keepends=True)
     swapped = parse("".join([*lines[:-2], lines[-1], lines[-2]]))
     np.testing.assert_array_equal(drawn(swapped, 7, 0, 9), drawn(parse(NARROW), 7, 0, 9))
@@ -143,25 +143,25 @@ def test_the_order_of_keys_does_not_matter_nor_do_other_keys() -> None:
         ('{ normal = "40 m" }', lambda r: stats.chi(3, scale=40.0).cdf(r)),
     ],
 )
-def test_round_distributions(draw: str, radius) -> None:
-    """Distance from the nominal place by its distribution, direction even over the sphere."""
+def test_ball_shell_and_normal_distributions(draw: str, radius) -> None:
+    """The distance from the nominal position has its distribution; directions are uniform."""
     scenario = parse(NARROW.replace('{ shell = ["50 m", "200 m"] }', draw))
     moved = drawn(scenario, 3, 0, 4000)[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
     far = np.linalg.norm(moved, axis=-1)
     assert stats.kstest(radius(far).ravel(), "uniform").pvalue > 1e-3
-    for axis in range(3):  # Archimedes: each component of a direction is even from -1 to 1
+    for axis in range(3):  # Archimedes: each component of a direction is uniform in [-1, 1]
         assert stats.kstest((moved[..., axis] / far).ravel(), "uniform", (-1.0, 2.0)).pvalue > 1e-3
     assert abs(np.corrcoef(moved.reshape(4000, 9).T) - np.eye(9)).max() < 0.06  # 4 sigma
 
 
-def test_a_shell_of_equal_radii_is_an_exact_size() -> None:
+def test_shell_of_equal_radii_has_an_exact_size() -> None:
     scenario = parse(NARROW.replace('["50 m", "200 m"]', '["70 m", "70 m"]'))
     moved = drawn(scenario, 3, 0, 1000)[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
     np.testing.assert_allclose(np.linalg.norm(moved, axis=-1), 70.0, rtol=1e-14)
     assert abs(moved.mean(axis=(0, 1))).max() < 4.0 * 70.0 / np.sqrt(3.0 * 3000.0)
 
 
-def test_uniform_and_choice() -> None:
+def test_uniform_and_choice_distributions() -> None:
     text = NARROW.replace('{ normal = "5 cm/s" }', '{ choice = ["1 0 0 m/s", "0 2 0 m/s", "0 0 3 m/s"] }')
     states = drawn(parse(text.replace('{ shell = ["50 m", "200 m"] }', '{ uniform = "80 m" }')), 5, 0, 3000)
     moved = states[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
@@ -173,7 +173,7 @@ def test_uniform_and_choice() -> None:
     assert stats.chisquare(counts).pvalue > 1e-3
 
 
-def test_case_of_is_the_case_of_the_study() -> None:
+def test_case_of_equals_the_case_of_the_study() -> None:
     scenario = parse(NARROW)
     one = case_of(scenario, 41)
     np.testing.assert_array_equal(
@@ -186,7 +186,7 @@ def test_case_of_is_the_case_of_the_study() -> None:
 
 
 @pytest.mark.parametrize(("count", "total"), [(0, 10), (10, 10), (3, 10), (37, 150_000), (0, 150_000)])
-def test_intervals_are_those_of_wilson(count: int, total: int) -> None:
+def test_confidence_intervals_are_wilsons(count: int, total: int) -> None:
     theirs = stats.binomtest(count, total).proportion_ci(0.95, "wilson")
     ours = estimate(count, total)
     assert (ours.share, ours.low, ours.high) == pytest.approx(
@@ -194,8 +194,8 @@ def test_intervals_are_those_of_wilson(count: int, total: int) -> None:
     )
 
 
-def test_shares_agree_with_counting_times(s04: tuple[Path, str]) -> None:
-    """By the papers' phase ends alone: 2160.0, 4283.0, 6443.0, 8566.0 s."""
+def test_phase_shares_agree_with_lock_times(s04: tuple[Path, str]) -> None:
+    """Shares follow from lock times and the papers' ends of phases: 2160.0, 4283.0, 6443.0, 8566.0 s."""
     rows = pyarrow.parquet.read_table(s04[0] / "cases").to_pydict()
     time = np.array(rows["time_s"])
     assert rows["case"] == list(range(150_000))
@@ -228,11 +228,11 @@ def test_fractions_of_s04() -> None:
     assert share["never"].cases == 0  # S04 theorem 2
     expected = share["IPS 2"].inside.share * theirs
     assert 13 < expected < 20  # measured: 16.5 of 150 000 over 60 million cases
-    assert stats.poisson.sf(36, expected) < 1e-3  # the paper's 37 are no exact detection's
+    assert stats.poisson.sf(36, expected) < 1e-3  # exact detection does not give the paper's 37
 
 
 def test_s04s_count_in_the_second_ips_is_that_of_sampling(s04: tuple[Path, str]) -> None:
-    """37 of 150 000: some ten to thirty seconds between samples, of which each shifts the count up."""
+    """S04's 37 of 150 000 agree with samples every 20 s, not with exact detection or samples every 60 s."""
     scenario = load(S04)
     study = scenario.study.model_copy(update={"sampled": (1.0, 10.0, 20.0, 60.0)})
     campaign = evaluated(replace(scenario, study=study), 600_000)
@@ -258,7 +258,7 @@ def test_report_of_s04(s04: tuple[Path, str]) -> None:
     page = (results / "report.html").read_text()
     assert "97.33 % by its end" in page
     assert_linked(results)
-    assert re.findall(r'href="(case-\d+\.html)"', page)  # cases that are flown again beside it
+    assert re.findall(r'href="(case-\d+\.html)"', page)  # replays of cases
     assert (results / "scenario.toml").read_text() == S04.read_text()
     assert {file.name for file in (results / "cases").iterdir()} == {"000000000.parquet", "000100000.parquet"}
 
@@ -279,14 +279,8 @@ def test_summary_holds_every_printed_figure(s04: tuple[Path, str]) -> None:
         )
 
 
-def test_another_study_does_not_show_published_numbers(tmp_path, capsys) -> None:
-    (tmp_path / "narrow.toml").write_text(NARROW)
-    assert main(["study", str(tmp_path / "narrow.toml"), "--out", str(tmp_path / "out")]) == 1
-    assert "ublished" not in capsys.readouterr().out
-
-
-def test_sampled_detection_by_angles() -> None:
-    """Both see each other when the sensors are in each other's cones: angles, by NumPy, every 50 s."""
+def test_sampled_detection_agrees_with_angles() -> None:
+    """Each sensor is in the other's cone: angles by NumPy, every 50 s."""
     for search in (
         Search.modified(Sensor(np.radians(70)), np.radians(0.25), np.radians(25)),
         Search.basic(Sensor(np.radians(40), offset=7.5, range=300.0), np.radians(0.25), np.radians(25)),
@@ -312,10 +306,10 @@ def test_sampled_detection_by_angles() -> None:
         assert (exact.time[legs >= 0] <= times[legs >= 0]).all()
 
 
-# locks of several pairs, and failures
+# several pairs, and failed cases
 
 
-def test_a_case_is_done_when_its_last_pair_has_locked(tmp_path) -> None:
+def test_lock_time_of_a_case_is_that_of_its_last_pair(tmp_path) -> None:
     (tmp_path / "narrow.toml").write_text(NARROW)
     campaign = study(tmp_path / "narrow.toml", cases=200)
     assert isinstance(campaign, LockCampaign)
@@ -337,7 +331,7 @@ def test_a_case_is_done_when_its_last_pair_has_locked(tmp_path) -> None:
 
 
 def as_words(command: str) -> list[str]:
-    """What a shell makes of a command."""
+    """Return the words of a command as a shell splits them."""
     told = subprocess.run(
         ["sh", "-c", f"printf '%s\\n' {command}"], capture_output=True, text=True, check=True
     )
@@ -345,8 +339,8 @@ def as_words(command: str) -> list[str]:
 
 
 @pytest.mark.parametrize("file", ["narrow.toml", "two words.toml", "it's $HOME.toml"])
-def test_commands_that_are_told_can_be_pasted(file) -> None:
-    """A shell takes the name of the file as one word as it is, in all four places."""
+def test_printed_commands_are_valid_shell_words(file) -> None:
+    """A shell reads any file name as one word, in all four places."""
     scenario = parse(NARROW, file)
     campaign = evaluated(scenario, 50)
     report, case = report_of(campaign, scenario), int(campaign.failed[0])
@@ -359,12 +353,15 @@ def test_commands_that_are_told_can_be_pasted(file) -> None:
         assert as_words(one(None).section(()).tables[0].rows[0][1]) == told
 
 
-def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
-    file, place = tmp_path / "narrow.toml", tmp_path / "out"
+def test_failed_cases_are_counted_listed_and_have_null_times(tmp_path, monkeypatch, capsys) -> None:
+    """The printed command replays the first of them beside the study."""
+    monkeypatch.chdir(tmp_path)
+    file, place = Path("narrow.toml"), Path("out")
     file.write_text(NARROW)
     assert main(["study", str(file), "--out", str(place)]) == 1
     campaign = evaluated(load(file))
     printed = capsys.readouterr().out
+    assert "ublished" not in printed  # figures of a paper, which this file does not have
     assert campaign.status is CampaignStatus.INCOMPLETE
     first = campaign.failed[0]
     assert f"closeform run {file} --case {first} shows the first of them" in printed.replace("\n", " ")
@@ -379,12 +376,16 @@ def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
     assert rows["vy_m_s"][3] == states[1, 1, 4] - states[1, 2, 4]
     summary = json.loads((place / "summary.json").read_text())
     assert (summary["status"], summary["failed"]) == (1, len(campaign.failed))
+    assert main(["run", str(file), "--case", str(first)]) == 1
+    assert "never lock" in capsys.readouterr().out
+    replayed = json.loads(Path(f"narrow-case-{first}-results/summary.json").read_text())
+    assert (replayed["case"], replayed["seed"]) == (first, 7)
 
 
 # gatherings
 
 
-def test_gatherings_are_those_of_gather() -> None:
+def test_study_of_gatherings_agrees_with_gather() -> None:
     scenario = parse(GATHERING)
     campaign = evaluated(scenario, 40)
     assert isinstance(campaign, GatherCampaign)
@@ -405,8 +406,8 @@ def test_gatherings_are_those_of_gather() -> None:
     assert 0 < len(campaign.failed) < 40
 
 
-def test_what_gatherings_cost_by_cause_and_phase() -> None:
-    """By the events of each case's run, which an independent model tells, too."""
+def test_delta_v_of_gatherings_by_cause_and_phase() -> None:
+    """Sums of the events of each case's run, which test_gathering.py checks independently."""
     text = LOST.replace("[sensor]", 'keep_out = { sphere = "40 m" }\n\n[sensor]')
     campaign = evaluated(parse(text.replace("180 m", "300 m")), 60)
     assert isinstance(campaign, GatherCampaign)
@@ -444,12 +445,12 @@ def test_what_gatherings_cost_by_cause_and_phase() -> None:
 
 
 def test_h03() -> None:
-    """Five craft, by the paper: "typically completed during IPS", "no failures"."""
+    """Five spacecraft; the paper says "typically completed during IPS" and "no failures"."""
     campaign = study(H03)
     assert isinstance(campaign, GatherCampaign)
     assert len(campaign) == 100_000
     assert len(campaign.failed) == 0
-    # but for those in which craft that do not know each other pass within 20 m, which a run calls conflicts
+    # spacecraft that do not know each other pass within 20 m in some cases, which is a conflict
     assert campaign.status is CampaignStatus.UNMET
     np.testing.assert_array_equal(campaign.good, campaign.met_unknown + campaign.met_known == 0)
     share = {one.label: one for one in campaign.shares}
@@ -462,11 +463,12 @@ def test_h03() -> None:
     assert np.linalg.norm(gaps[..., 3:], axis=-1).max() < 0.12  # m/s
 
 
-def test_folder_of_gatherings(tmp_path, capsys) -> None:
+def test_results_folder_of_a_gathering_study(tmp_path, capsys) -> None:
     place = tmp_path / "out"
     (tmp_path / "narrow.toml").write_text(GATHERING)
     assert main(["study", str(tmp_path / "narrow.toml"), "--cases", "60", "--out", str(place)]) == 1
-    printed = capsys.readouterr().out
+    printed, progress = capsys.readouterr()
+    assert progress == ""  # without a terminal
     rows = pyarrow.parquet.read_table(place / "cases").to_pydict()
     campaign = evaluated(parse(GATHERING), 60)
     assert rows["case"] == list(range(60))
@@ -480,46 +482,15 @@ def test_folder_of_gatherings(tmp_path, capsys) -> None:
 # the command
 
 
-def test_finished_results_are_kept_and_replaced_on_demand(tmp_path, capsys) -> None:
-    command = ["study", str(S04), "--cases", "50", "--out", str(tmp_path / "out")]
-    assert main(command) == 0
-    kept = (tmp_path / "out" / "summary.json").read_bytes()
-    assert main([*command, "--seed", "1"]) == 2
-    assert "holds finished results; add --overwrite" in capsys.readouterr().err
-    assert (tmp_path / "out" / "summary.json").read_bytes() == kept
-    assert main([*command, "--seed", "1", "--overwrite"]) == 0
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["seed"] == 1
-    assert [file.name for file in tmp_path.iterdir()] == ["out"]
-
-
-def test_no_bar_without_a_terminal(tmp_path, capsys) -> None:
-    assert main(["study", str(S04), "--cases", "50", "--out", str(tmp_path / "out")]) == 0
-    assert capsys.readouterr().err == ""
-
-
 def refused(capsys: pytest.CaptureFixture[str], command: list[str]) -> list[str]:
-    """What a command says when it refuses."""
+    """Return the error lines of a command that is refused."""
     assert main(command) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     return printed.err.splitlines()
 
 
-def test_a_case_that_failed_can_be_seen_beside_the_study(tmp_path, monkeypatch, capsys) -> None:
-    """The command that the study prints works as it stands, and leaves the study alone."""
-    monkeypatch.chdir(tmp_path)
-    Path("narrow.toml").write_text(NARROW)
-    assert main(["study", "narrow.toml"]) == 1
-    (command,) = re.findall(r"closeform (run narrow.toml --case \d+) shows", capsys.readouterr().out)
-    case = int(command.split()[-1])
-    assert main(command.split()) == 1
-    assert "never lock" in capsys.readouterr().out
-    summary = json.loads(Path(f"narrow-case-{case}-results/summary.json").read_text())
-    assert (summary["case"], summary["seed"]) == (case, 7)
-    assert Path("narrow-study/histogram.png").is_file()
-
-
-def test_messages(tmp_path, monkeypatch, capsys) -> None:
+def test_error_messages_of_study_commands(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("s04.toml").write_text(S04.read_text())
     Path("robust.toml").write_text((EXAMPLES / "robustness.toml").read_text())
@@ -552,7 +523,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         "one.toml: study.vary: P and Q start at the same position in case 0; vary their positions"
     ]
     assert {file.name for file in Path().iterdir()} == {"s04.toml", "robust.toml", "cluster.toml", "one.toml"}
-    assert main(["check", "s04.toml"]) == 0  # a study flies it, and so does a run of one case
+    assert main(["check", "s04.toml"]) == 0  # valid for a study and for a run of one case
     assert capsys.readouterr().out == (
         f"s04.toml: valid: 2 craft; stages: lock\n{together.replace('s04.toml:', 's04.toml: for run:')}\n"
     )
@@ -586,7 +557,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         ),
     ],
 )
-def test_what_a_search_refuses(old: str, new: str, line: str) -> None:
+def test_invalid_search_studies_are_rejected(old: str, new: str, line: str) -> None:
     text = NARROW
     if "half_angle" in old:
         text = text.replace('method = "basic"', 'method = "modified"')
@@ -598,7 +569,7 @@ def test_what_a_search_refuses(old: str, new: str, line: str) -> None:
     assert "; " in refused.value.lines[0]
 
 
-def test_a_gathering_without_an_end_of_its_near_field() -> None:
+def test_unbounded_near_field_and_too_many_rounds_are_rejected() -> None:
     text = GATHERING.replace('sun_limit = "25 deg"', 'sun_limit = "25 deg"\nmax_speed = "1 m/s"')
     with pytest.raises(ScenarioError, match=r"search\.max_speed: .* the near field is unbounded; "):
         parse(text)
@@ -607,12 +578,12 @@ def test_a_gathering_without_an_end_of_its_near_field() -> None:
 
 
 @pytest.mark.parametrize("cases", [0, 10**9, 1.5, True])
-def test_arguments_of_study(cases: object) -> None:
+def test_invalid_number_of_cases_is_named(cases: object) -> None:
     with pytest.raises(ValueError, match=r"^cases: "):
         study(S04, cases)
 
 
-def test_python_gives_what_the_command_gives(s04: tuple[Path, str]) -> None:
+def test_study_function_equals_the_command(s04: tuple[Path, str]) -> None:
     campaign: Campaign = study(str(S04), 1000)
     rows = pyarrow.parquet.read_table(s04[0] / "cases").slice(0, 1000).to_pydict()
     np.testing.assert_array_equal(campaign.time, rows["time_s"])
@@ -621,17 +592,17 @@ def test_python_gives_what_the_command_gives(s04: tuple[Path, str]) -> None:
     assert study(S04, 1000, seed=5).time.tolist() != campaign.time.tolist()
 
 
-def test_run_shows_one_case(tmp_path, capsys) -> None:
+def test_run_evaluates_one_case(tmp_path, capsys) -> None:
     assert main(["run", str(S04), "--case", "3", "--out", str(tmp_path / "out")]) == 0
     time = study(S04, 4).time[3]
     assert f"{time:.2f}" in capsys.readouterr().out
 
 
-# craft that search imperfectly
+# searches with errors
 
 
-def test_robustness_flies_and_each_case_is_the_same_as_a_run() -> None:
-    """Every key that errors of a search may have, in one file; some cases never lock."""
+def test_cases_of_imperfect_searches_equal_their_runs() -> None:
+    """The file has every key of search errors; some cases never lock."""
     campaign = study(EXAMPLES / "robustness.toml", 4000)
     scenario = load(EXAMPLES / "robustness.toml")
     assert 0.01 < len(campaign.failed) / 4000 < 0.2
@@ -641,8 +612,8 @@ def test_robustness_flies_and_each_case_is_the_same_as_a_run() -> None:
         np.testing.assert_array_equal(flown_alone.leg, campaign.pair_leg[case])
 
 
-def test_a_gathering_of_craft_that_search_imperfectly_is_the_same_as_a_run() -> None:
-    """Every key that errors of a search may have, drawn, and some that are given."""
+def test_cases_of_imperfect_gatherings_equal_their_runs() -> None:
+    """Every key of search errors is sampled, and some are given."""
     given = 'slew_acceleration = ["0.01 deg/s^2", "0.02 deg/s^2", "0.03 deg/s^2"]\n[sensor]'
     text = GATHERING.replace("[sensor]", given) + (
         '"craft.pointing_error" = { ball = "5 deg" }\n"craft.slew_rate_error" = { normal = "2 %" }\n'
@@ -663,8 +634,8 @@ def test_a_gathering_of_craft_that_search_imperfectly_is_the_same_as_a_run() -> 
     assert (campaign.time != perfect.time).mean() > 0.9
 
 
-def test_draws_of_searches_have_their_distributions() -> None:
-    """By Kolmogorov and Smirnov, at a level of 1e-6, of A's craft and of B's together."""
+def test_search_errors_have_their_distributions() -> None:
+    """Kolmogorov-Smirnov tests at a level of 1e-6, both groups together."""
     text = (EXAMPLES / "robustness.toml").read_text()
     text += '"sensor.half_angle" = { uniform = "2 deg" }\n"search.slew_rate" = { normal = "0.001 deg/s" }\n'
     text += '"craft.slew_acceleration" = { choice = ["0.01 deg/s^2", "0.02 deg/s^2"] }\n'
@@ -677,7 +648,7 @@ def test_draws_of_searches_have_their_distributions() -> None:
         "along": (errors.pointing[..., 2].ravel() / np.maximum(size, 1e-300) * 0.5 + 0.5, stats.uniform()),
         "start": (errors.start.ravel(), stats.norm(0.0, 2.0)),
         "half-angle": (errors.half_angle.ravel(), stats.uniform(-np.radians(2), np.radians(4))),
-        # 1 + 0.001 x times 1 + 0.004 y, both normal: the product of both is far below what 40 000 tell
+        # (1 + 0.001 x) (1 + 0.004 y), both normal; 40 000 samples do not resolve the product term
         "slew rate": (errors.slew_rate.ravel(), stats.norm(0.0, np.hypot(0.001, 0.004))),
     }
     for values, truth in kinds.values():
@@ -688,15 +659,15 @@ def test_draws_of_searches_have_their_distributions() -> None:
     assert stats.binomtest(int((errors.range == 1000.0).sum()), 2 * count, 0.5).pvalue > 1e-6
 
 
-def test_a_case_of_a_search_with_errors_is_the_same_in_any_range() -> None:
+def test_search_errors_of_a_case_do_not_depend_on_the_range() -> None:
     scenario = load(EXAMPLES / "robustness.toml")
     whole, some = searching(scenario, 9, 0, 50), searching(scenario, 9, 17, 33)
     for name in ("pointing", "slew_rate", "start", "range", "silent"):
         np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[17:33])
 
 
-def test_events_of_a_craft_draw_from_streams_of_their_own() -> None:
-    """The first is that of every draw before; NumPy's own counter says where another lies."""
+def test_events_of_a_spacecraft_have_separate_random_streams() -> None:
+    """Compare with NumPy's generator at the counter of each event."""
     key = np.random.SeedSequence(5, spawn_key=tuple(b"craft.execution")).generate_state(2, np.uint64)
     for event in (0, 3):
         words = np.random.Philox(key=key, counter=(event << 64) + 7 * 3).random_raw(12).reshape(1, 3, 4)
@@ -704,6 +675,6 @@ def test_events_of_a_craft_draw_from_streams_of_their_own() -> None:
         np.testing.assert_array_equal(uniform(5, "craft.execution", 3, 7, 8, event), truth)
 
 
-def test_without_errors_a_search_is_perfect() -> None:
+def test_scenarios_without_search_errors_sample_none() -> None:
     assert searching(load(S04), 1, 0, 10) is None
     assert searching(parse(GATHERING), 1, 0, 10) is None

@@ -33,7 +33,7 @@ def fast(tmp_path):
     return cf.read_cdm(written(tmp_path, FAST))
 
 
-def test_a_message_is_read_in_si(slow):
+def test_message_is_read_in_si(slow):
     assert (slow.tca, slow.originator, slow.message_id) == ("2000-01-01T00:00:00.000", "TEST", "A09_1")
     assert (slow.miss_distance, slow.hard_body_radius) == (5.049717, 15.0)
     assert (slow.collision_probability, slow.collision_probability_method) == (None, None)
@@ -349,7 +349,7 @@ def test_absent_and_binary_files(tmp_path):
         cf.read_cdm(file)
 
 
-def test_a_conjunction_is_checked_when_made(slow):
+def test_conjunction_is_checked_when_made(slow):
     first, second = slow.objects
     assert cf.Conjunction(slow.tca, (first, second)).miss_distance == pytest.approx(5.0497, abs=1e-3)
     with pytest.raises(ValueError, match="objects: expected two, got 1"):

@@ -126,7 +126,7 @@ def test_columns_make_up_the_covariance():
     times = np.linspace(path.start, path.end, 57)
     states = columns.state(times)
     close(np.einsum("cti,ctj->tij", states, states), quiet.covariance(path, times), 1e-12)
-    # each is one motion: it only jumps where an impulse of it says so
+    # each is one motion, which jumps only at its impulses
     for column in columns:
         for arc, after in zip(column.arcs, column.arcs[1:], strict=False):
             reached = cf.Path(column.orbit, arc[None], np.array([0, 1]), ()).state(arc[1])

@@ -38,7 +38,7 @@ def test_plan_is_clear_and_meets_its_ends(task):
 
 
 @pytest.mark.parametrize("task", TASKS[2:4], ids=lambda task: task.name)
-def test_boundary_conditions_are_all_that_a_craft_publishes(task):
+def test_boundary_conditions_are_all_that_is_published(task):
     """Between its contacts each path is the transfer of minimum energy, which others can compute."""
     plan = planned(task)
     assert len(plan.contacts) > 0

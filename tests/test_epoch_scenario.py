@@ -265,7 +265,7 @@ def test_mission_starts_from_an_exported_ephemeris(tmp_path):
         later = chief(CIRCLE + f', latitude = "{turned!r} deg"', f"2026-11-22T{clock}Z")
         start = 'start = [{ palmer = "0 900 0 0 0 0 m" }, { oem = "oem/B.oem" }]'
         found = parse(scenario(later, start), str(tmp_path / "next.toml"))
-        # two writings of one orbit, a state in an OEM to a micrometre: what that comes to
+        # the OEM states the same orbit to a micrometre; this is the resulting difference
         np.testing.assert_allclose(found.states(found.orbit.build())[1, :3], path.state(time)[:3], 0.0, 1e-5)
         np.testing.assert_allclose(found.states(found.orbit.build())[1, 3:], path.state(time)[3:], 0.0, 1e-7)
     gone = chief(orbit, "2026-11-22T13:00:00Z")

@@ -1,4 +1,4 @@
-"""What the pictures of errors show, against samples and numbers of the package's other doors."""
+"""Pictures of uncertainty against samples and other functions of the package."""
 
 import matplotlib as mpl
 import numpy as np
@@ -20,7 +20,7 @@ KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2, 0.01, np
 BALL = cf.Sphere(20.0)
 
 
-def test_a_tube_holds_what_is_drawn_from_the_errors() -> None:
+def test_plotted_tube_contains_sampled_errors() -> None:
     """Of draws on the one-sigma surface none is outside of the tube, and the farthest are at its edge."""
     figure = cf.plots.tube(PATH, REST, BALL, KNOWN, sigmas=2.0, names=["A", "B"])
     least = cf.clearance_in_sigmas(PATH, REST, BALL, KNOWN)
@@ -44,7 +44,7 @@ def test_a_tube_holds_what_is_drawn_from_the_errors() -> None:
         cf.plots.tube(PATH, REST, BALL, KNOWN, sigmas=0.0)
 
 
-def test_sigmas_against_time_are_the_least_distances_in_sigmas() -> None:
+def test_plotted_sigmas_are_minimum_distances_in_sigmas() -> None:
     """At the ends, by sampling the ball for the point with the fewest sigmas; the dot is the exact least."""
     figure = cf.plots.sigmas(PATH, REST, BALL, KNOWN, asked=1.5, names=["A - B"])
     least = cf.clearance_in_sigmas(PATH, REST, BALL, KNOWN)

@@ -1,4 +1,4 @@
-"""The examples that come along, `closeform new`, completion by a shell, and what is to be cited."""
+"""Included examples, `closeform new`, shell completion and the citation file."""
 
 import os
 import re
@@ -30,7 +30,7 @@ def test_all_examples_are_listed_with_their_titles(capsys: pytest.CaptureFixture
     assert os.listdir() == []
 
 
-def test_an_example_is_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_example_does_not_replace_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["new", "swap"]) == 0
     assert (tmp_path / "swap.toml").read_bytes() == (ROOT / "examples" / "swap.toml").read_bytes()
     assert capsys.readouterr().out.splitlines()[-1] == "Run it with: closeform run swap.toml"
@@ -41,8 +41,8 @@ def test_an_example_is_written_once(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_what_is_written_can_be_flown_where_it_stands(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Alone in a folder, by the command that is told."""
+def test_written_example_runs_in_its_folder(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The printed command runs in a folder with nothing else."""
     assert main(["new", name]) == 0
     told = capsys.readouterr().out.splitlines()[-1].split()
     assert told[3:] == [
@@ -53,7 +53,7 @@ def test_what_is_written_can_be_flown_where_it_stands(name: str, capsys: pytest.
     assert main(["check", f"{name}.toml"]) == 0
 
 
-def test_an_unknown_example_has_a_neighbour(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_example_names_a_similar_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["new", "swp"]) == 2
     assert main(["new", "../swap"]) == 2
     first, second = capsys.readouterr().err.splitlines()
@@ -62,7 +62,7 @@ def test_an_unknown_example_has_a_neighbour(capsys: pytest.CaptureFixture[str]) 
     assert os.listdir() == []
 
 
-def test_a_folder_that_cannot_be_written_is_told(
+def test_unwritable_folder_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(*given: object, **more: object) -> None:
@@ -102,14 +102,14 @@ def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert done.stdout.split() == ["screen"]
 
 
-def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+def test_printed_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.split() == [installed()]
     with open(ROOT / "pyproject.toml", "rb") as file:
         assert tomllib.load(file)["project"]["version"] in installed()
 
 
-def test_what_is_cited_is_this_version_and_the_papers_of_the_docs() -> None:
+def test_citation_file_has_this_version_and_the_papers() -> None:
     cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     with open(ROOT / "pyproject.toml", "rb") as file:
         assert f"\nversion: {tomllib.load(file)['project']['version']}\n" in cited
@@ -122,5 +122,5 @@ def test_what_is_cited_is_this_version_and_the_papers_of_the_docs() -> None:
         assert title in docs
 
 
-def test_types_come_along() -> None:
+def test_package_includes_its_types() -> None:
     assert (Path(cf.__file__).parent / "py.typed").exists()

@@ -138,7 +138,7 @@ GATES = cf.Uncertainty(impulse=(0.0, 0.01, 0.0, 0.0175))
     [
         (formation(), LASTING, BURNS),
         pytest.param(formation(), LATE, BURNS, marks=pytest.mark.slow),
-        (burns(), LASTING, BURNS),
+        pytest.param(burns(), LASTING, BURNS, marks=pytest.mark.slow),
         pytest.param(formation(), LASTING, START, marks=pytest.mark.slow),
         pytest.param(kicked(), SHOTS, START, marks=pytest.mark.slow),
         (kicked(), SHOTS, GATES),
@@ -281,7 +281,7 @@ def test_margin_covers_execution_errors(cost, errors):
     "way",
     [
         {"feedback": cf.Feedback(60.0, 600.0, delay=40.0)},
-        {"feedback": cf.Feedback(300.0, 1800.0, 6)},
+        pytest.param({"feedback": cf.Feedback(300.0, 1800.0, 6)}, marks=pytest.mark.slow),
         {"thrusters": cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-6, period=60.0)},
         {"engine": False},
     ],

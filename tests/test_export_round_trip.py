@@ -11,6 +11,8 @@ import closeform as cf
 from closeform.cli.app import main
 from exported import FLYING, run
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ZONE = cf.Sphere(25.0)
 KICKED = 5e-3  # s after an impulse: not compared
 

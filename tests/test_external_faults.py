@@ -101,7 +101,7 @@ def test_closed_streams(command, closed, desk) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_backend_that_does_not_exist(command, desk) -> None:
+def test_unknown_matplotlib_backend(command, desk) -> None:
     done = result_of(desk, shlex.split(COMMANDS[command]), env={"MPLBACKEND": "nosuch"})
     assert (done.returncode, done.stderr) == (0, b"")
 
@@ -175,7 +175,7 @@ def test_unusable_output_folders(command, attack, desk) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_byte_order_mark_is_read(command, desk) -> None:
+def test_byte_order_mark_is_accepted(command, desk) -> None:
     for file in (*desk.glob("*.toml"), *desk.glob("*.oem")):
         file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
     done = result_of(desk, shlex.split(COMMANDS[command]))

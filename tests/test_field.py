@@ -678,7 +678,7 @@ def test_feedback_rejects_an_unknown_field():
     assert blind.greatest_end > 1e-3
 
 
-def test_a_sample_does_not_depend_on_the_number_of_samples():
+def test_samples_do_not_depend_on_their_number():
     path, seen = formation(0.3), cf.Navigation(0.1, 3e-4)
     few, many = (
         cf.simulate(path, cf.Field(chief()), navigation=seen, seeds=n, thrust_error=(0.01, 0.01))

@@ -1,4 +1,4 @@
-"""`plots.pulses`: what is drawn is what is fired, and what is asked."""
+"""`plots.pulses` shows the fired pulses and the planned thrust."""
 
 import matplotlib as mpl
 import numpy as np
@@ -14,7 +14,7 @@ MOVE = ORBIT.transfer([0, 200, 0, 0, 0, 0], [40, -150, 60, 0, -0.09, 0.02], 3000
 SIX = cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=3e-3, period=60.0)
 
 
-def test_a_panel_for_each_axis_with_its_bars_and_what_is_asked():
+def test_pulses_are_drawn_by_axis_with_the_planned_thrust():
     firing = cf.fire_thrusters(MOVE, SIX)
     figure = cf.plots.pulses(firing)
     assert [axes.get_ylabel() for axes in figure.axes] == [
@@ -40,7 +40,7 @@ def test_a_panel_for_each_axis_with_its_bars_and_what_is_asked():
         assert high >= fired[:, 2].max()
 
 
-def test_of_a_formation_one_craft_is_shown_and_others_are_refused():
+def test_pulses_of_one_spacecraft_of_a_formation():
     both = cf.stack([ORBIT.coast(np.zeros(6), 3000.0), MOVE])
     firing = cf.fire_thrusters(both, cf.Thrusters(CUBE, acceleration=2e-3, period=60.0))
     figure = cf.plots.pulses(firing, craft=1)

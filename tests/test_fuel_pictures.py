@@ -1,4 +1,4 @@
-"""Pictures of what missions cost: which there are, and that they say what the mission says."""
+"""Pictures of the delta-v of missions agree with the results."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ def texts(figure) -> list[str]:
     return [text.get_text() for axes in figure.axes for text in axes.texts]
 
 
-def test_bars_are_as_high_as_burns():
+def test_bars_have_the_height_of_burns():
     figure = cf.plots.burns(HOP, ["I"])
     (bars,) = figure.axes[0].collections
     heights = np.array([np.ptp(path.vertices[:, 1]) for path in bars.get_paths()])
@@ -29,7 +29,7 @@ def test_bars_are_as_high_as_burns():
     assert figure.get_suptitle().startswith(f"I: {len(sizes)} burns, {HOP.delta_v:.4g} m/s")
 
 
-def test_the_plan_stands_in_the_trade_by_the_sum_of_all():
+def test_trade_plot_marks_the_total_delta_v_of_the_plan():
     trade = cf.transfer_cost_table(
         ORBIT, [0, -2000, 30, 0, 0, 0], np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9)
     )

@@ -186,7 +186,9 @@ def test_tesserals_are_the_gradient_of_their_potential(example):
             legendre = (-1) ** m * lpmv(m, n, at[2] / r)  # without the phase of Condon and Shortley
             wave = k.real * np.cos(m * longitude) - k.imag * np.sin(m * longitude)
             total += (example.GRAVITY_RADIUS / r) ** n * legendre * wave
-        return example.cf.elements.EARTH_MU / r * (total - 1.0)  # of what is not a point mass: more digits
+        return (
+            example.cf.elements.EARTH_MU / r * (total - 1.0)
+        )  # without the point mass, which leaves more digits
 
     felt = pull(np.array([100.0]), np.concatenate([place, np.zeros(3)])[None])[0]
     steps = 10.0 * np.eye(3)

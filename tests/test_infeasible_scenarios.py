@@ -12,7 +12,7 @@ from closeform.scenario.end_conflicts import stops
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS
 from closeform.scenario.study import readers
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 LOCKING = """\
 closeform = 1
@@ -79,7 +79,7 @@ def test_imperfect_searches_are_accepted(key, stage, tmp_path, monkeypatch, caps
     "key", [key for key in readers() if key.startswith("se") and key not in SEARCHED_KEYS]
 )
 def test_search_key_that_cannot_vary_is_rejected(key, tmp_path, monkeypatch, capsys) -> None:
-    """A run without --case uses the nominal values, and `check` says so."""
+    """`check` reports that a run without --case uses nominal values."""
     monkeypatch.chdir(tmp_path)
     draw = f"{{ choice = [{readers()[key].example}] }}"
     text = LOCKING.replace("KEY", "").replace("STAGE", 'do = "lock"') + STUDIED + f'"{key}" = {draw}\n'

@@ -101,7 +101,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_in_a_file(mistake: str, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_in_files(mistake: str, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
     old, new, key, remedy = MISTAKES[mistake]
     assert GOOD.count(old) == 1
     (desk / "cluster.toml").write_text(GOOD.replace(old, new))
@@ -114,7 +114,7 @@ def test_a_mistake_in_a_file(mistake: str, desk: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize("misuse", MISUSES)
-def test_a_mistake_on_the_command_line(misuse: str, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_on_the_command_line(misuse: str, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments, named, remedy = MISUSES[misuse]
     before = contents(desk)
     assert main(shlex.split(arguments)) == 2
@@ -124,7 +124,7 @@ def test_a_mistake_on_the_command_line(misuse: str, desk: Path, capsys: pytest.C
     assert contents(desk) == before
 
 
-def test_a_mistake_in_a_call_names_the_argument() -> None:
+def test_mistakes_in_calls_name_the_argument() -> None:
     orbit = cf.Orbit.circular(500e3)
     path = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 900.0)
     with pytest.raises(ValueError, match=r"radius.*positive"):

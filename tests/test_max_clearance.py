@@ -151,6 +151,7 @@ def test_sigmas_of_a_formation_within_a_budget():
     assert min(one.sigmas for one in found) == pytest.approx(most.sigmas, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_sigmas_within_a_budget_of_delta_v():
     free = cf.avoid(PATH, OTHER, cf.Sphere(20.0), cost="delta-v").lower_bound
     spent = cf.max_clearance(PATH, OTHER, cf.Sphere(20.0), 1.2 * free, cost="delta-v", errors=KNOWN)

@@ -178,7 +178,7 @@ def check_cost_table(run: Run, number: int, name: str) -> None:
             assert float(figure) == pytest.approx(plan[last[title]], rel=6e-6)
 
 
-def test_find_then_fly() -> None:
+def test_gather_then_reconfigure() -> None:
     """Five spacecraft of TPF gather and then form a row with 75 m spacing across the sun line."""
     mission = fly(load(EXAMPLES / "find_then_fly.toml"))
     assert mission.clear

@@ -1,4 +1,4 @@
-"""The picture of a whole mission: thrust, impulses, conflicts, locks and nearness stand where they are."""
+"""The picture of a mission shows thrust, impulses, conflicts, locks and ratios at their times."""
 
 import matplotlib as mpl
 import numpy as np
@@ -18,7 +18,7 @@ START = np.array([[0, 0, 0, 0, 0, 0], [0, 200, 0, 0, 0, 0], [0, 400, 0, 0, 0, 0]
 
 @pytest.fixture(scope="module")
 def stages():
-    """Everybody waits; the chaser thrusts past the target; it comes back by impulses."""
+    """Return three stages: a coast, a transfer of the chaser past the target, and its return by impulses."""
     first = ORBIT.coast(START, 600.0)
     second = [ORBIT.coast(START[k], 900.0, 600.0) for k in (0, 2)]
     second.insert(1, ORBIT.transfer(START[1], [0, -200, 0, 0, 0, 0], 900.0, 600.0))
@@ -40,7 +40,7 @@ def panels(figure):
     return strip, rows, ratio
 
 
-def test_burns_stand_in_the_row_of_their_spacecraft(picture, stages):
+def test_burns_are_in_the_row_of_their_spacecraft(picture, stages):
     """The chaser thrusts in one stage and has impulses in the next; no other spacecraft burns."""
     _, rows, _ = panels(picture)
     every = [one for one in rows.collections if isinstance(one, PolyCollection)]
@@ -53,7 +53,7 @@ def test_burns_stand_in_the_row_of_their_spacecraft(picture, stages):
     assert len(middles) == 1 + len(times)
 
 
-def test_conflicts_and_locks_join_the_rows_of_two(picture, stages):
+def test_conflicts_and_locks_connect_the_rows_of_a_pair(picture, stages):
     """Every stay of any pair in both rows, against the search for conflicts; a lock at its time."""
     _, rows, _ = panels(picture)
     bars = {}
@@ -82,7 +82,7 @@ def test_conflicts_and_locks_join_the_rows_of_two(picture, stages):
     assert links[0] == pytest.approx(np.array([[5.0, 2.0], [5.0, 1.0]]))
 
 
-def test_nearness_is_that_of_the_nearest_pair(picture, stages):
+def test_plotted_ratio_is_that_of_the_closest_pair(picture, stages):
     """Against the norms of all pairs at other times; dots at certified closest approaches."""
     *_, ratio = panels(picture)
     solid = [line for line in ratio.lines if len(line.get_xdata()) > 100 and line.get_linewidth() < 3.0]
@@ -110,7 +110,7 @@ def test_nearness_is_that_of_the_nearest_pair(picture, stages):
         ({"titles": ["one"]}, "titles: 1 titles for 3 stages"),
     ],
 )
-def test_what_does_not_fit_is_refused(change, message, stages):
+def test_invalid_input_is_refused(change, message, stages):
     chosen = [stages[k] for k in change.pop("stages", range(3))]
     with pytest.raises(ValueError, match=message):
         plots.overview(chosen, NAMES, BALL, **change)

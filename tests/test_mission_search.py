@@ -50,6 +50,8 @@ def fly_file(tmp_path_factory):
     """Run a scenario file from the command line, with a short animation or none."""
 
     def run(file: Path, monkeypatch, capsys, filmed: int = 0) -> Run:
+        if not filmed:
+            monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
         monkeypatch.setattr("closeform.report.sections.searches.FILMED", filmed)
         monkeypatch.setattr("closeform.report.sections.searches.FRAMES", 2)
         monkeypatch.setattr("closeform.report.sections.searches.MOMENTS", 2)
@@ -72,7 +74,7 @@ def two_apart(stage: str) -> str:
 
 
 def run_text(text: str, tmp_path: Path, monkeypatch, capsys) -> Run:
-    monkeypatch.setattr("closeform.report.sections.searches.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     (tmp_path / "case.toml").write_text(text)
     status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
     return Run(status, capsys.readouterr().out, tmp_path / "results")

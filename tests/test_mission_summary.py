@@ -1,4 +1,4 @@
-"""What is printed and summed up of a whole mission: what each craft used, in one unit, lines unbroken."""
+"""Summary of a mission: delta-v, propellant and thrust of each spacecraft, and conflicts by pair."""
 
 import json
 import re
@@ -54,7 +54,9 @@ def pictureless(monkeypatch) -> None:
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
 
 
-def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_delta_v_propellant_and_thrust_used_by_each_spacecraft(
+    pictureless, tmp_path, monkeypatch, capsys
+) -> None:
     """By hand: 3 L / T of delta-v from rest to rest, the rocket equation, 6 L / T^2 of thrust."""
     monkeypatch.chdir(tmp_path)
     Path("file.toml").write_text(TWO_STAGES)
@@ -91,8 +93,8 @@ def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys)
     assert "Use of each spacecraft" in page
 
 
-def test_only_what_was_flown_is_used() -> None:
-    """The plan of the last stage, into B's zone, is flown by nobody."""
+def test_plans_that_are_not_executed_use_no_delta_v() -> None:
+    """The last stage, which ends in B's zone, is not executed."""
     text = TWO_STAGES + TWO_STAGES[TWO_STAGES.index("\n[[stage]]") : TWO_STAGES.index('within = "1000 s"')]
     before, after = text.rsplit("0 100 0 m", 1)
     mission = fly(parse(f'{before}0 5 395 m{after}within = "1 h"\n'))
@@ -101,8 +103,8 @@ def test_only_what_was_flown_is_used() -> None:
     np.testing.assert_allclose(list(RunReport(mission).summary["delta_v_m_s"].values()), SPENT, rtol=1e-9)
 
 
-def test_impulses_are_not_judged_by_thrust() -> None:
-    """A gathering says so where the file has max_thrust, and somebody burns."""
+def test_thrust_limit_does_not_apply_to_impulses() -> None:
+    """The report of a gathering states this if the file has max_thrust."""
     text = (EXAMPLES / "tpf.toml").read_text()
     limited = text.replace('mass = "700 kg"', 'mass = "700 kg"\nmax_thrust = "1 mN"')
     said = "Burns are impulses, which take no time: max_thrust does not apply to this stage"
@@ -120,8 +122,8 @@ def test_impulses_are_not_judged_by_thrust() -> None:
     ],
     ids=["regions", "unlike"],
 )
-def test_a_study_keeps_the_zones_that_a_run_keeps(zones: str, stage: str) -> None:
-    """Of each pair, where craft have zones of their own."""
+def test_study_and_run_use_the_same_zones(zones: str, stage: str) -> None:
+    """Each pair has its own zone."""
     text = LOST.replace('do = "gather"', f'do = "{stage}"').replace('{ sphere = "20 m" }', zones)
     scenario = parse(text)
     clear = evaluated(scenario, 60, 3, lambda done: None).kept["clear"]
@@ -148,8 +150,8 @@ for = "FOR"
 """
 
 
-def test_many_conflicts_of_a_coast_have_a_row_for_each_pair() -> None:
-    """Every pair is named with how often, from when to when, and how deep it is in the other's zone."""
+def test_conflicts_of_a_coast_are_summed_up_by_pair() -> None:
+    """Each pair has its number of conflicts, first and last time, total duration and minimum ratio."""
     mission = fly(parse(CROWD.replace("FOR", "30 orbits")))
     met = mission.results[0].after.conflicts
     assert len(met) > 40

@@ -22,7 +22,7 @@ from closeform.scenario import ScenarioError, load, parse
 from closeform.storage.result_folder import LOCK, PRIVATE
 from closeform.uncertainty.covariance_propagation import uncertainty_at_end
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 HEAD = """\
 closeform = 1
@@ -99,7 +99,6 @@ def test_propagation_keeps_a_tiny_standard_deviation() -> None:
 def test_verdict_reports_the_least_sigma_clearance(tmp_path, monkeypatch, capsys) -> None:
     """A requirement that is not met names its stage and sets status 1."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     orbit = cf.Orbit.circular(550e3)
     paths = [orbit.coast([0, y, 0, 0, 0, 0], 0.6 * orbit.period) for y in (0.0, 40.0)]
     errors = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
@@ -373,7 +372,7 @@ def test_slow_encounter_example_agrees_with_its_message() -> None:
 
 
 def test_unknown_probability_fails_its_limit(monkeypatch) -> None:
-    """Trajectories with very many burns are not sampled; the verdict says so."""
+    """Trajectories with very many burns are not sampled, which the verdict reports."""
     monkeypatch.setattr("closeform.uncertainty.uncertain_flight.MOST_BURNS", 0)
     move = CLOSER.split("[[stage]]")[2]
     known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")

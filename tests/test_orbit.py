@@ -185,7 +185,7 @@ def test_two_impulse_meets_both_ends():
         assert path.energy == np.inf
 
 
-# After half an orbit z has changed its sign, after a whole one x and z are as before: what is missed.
+# After half an orbit z has changed its sign, after a whole one x and z are as before: the miss.
 @pytest.mark.parametrize(("turns", "missed"), [(0.5, 25.0), (1.0, np.hypot(180.0, 65.0)), (1.5, 25.0)])
 def test_two_impulse_reports_its_miss(turns, missed):
     orbit, duration = cf.Orbit(N), turns * 2 * np.pi / N
@@ -542,7 +542,7 @@ def test_invalid_input():
 
 @pytest.mark.parametrize("n", [0.0, N])
 def test_sp11_gradients_are_aligned_at_any_time(n):
-    """SP11 says that the gradients of the two legs are aligned at T/2: they are at every time.
+    """SP11 states that the gradients of the two legs are aligned at T/2: they are at every time.
 
     On an optimal path, dJ/d(final) of the leg before and dJ/d(initial) of the leg after are equal
     and opposite wherever it is cut; so which leg's direction is taken changes nothing.
@@ -581,7 +581,7 @@ def test_end_gradients_are_slopes_of_the_energy(n):
         assert (last[0] - last[1]) / (2 * step) == pytest.approx(slopes[1][k], rel=1e-6, abs=1e-15)
 
 
-def test_altitude_that_is_probably_in_km_is_warned_of(recwarn):
+def test_altitude_in_km_is_warned_of(recwarn):
     with pytest.warns(UserWarning, match="altitude") as found:
         assert cf.Orbit.circular(600).mean_motion > cf.Orbit.circular(600e3).mean_motion
     assert found[0].filename == __file__

@@ -1,4 +1,4 @@
-"""Passively safe plans that thrusters fire: their pulses are flown by DOP853, with a thousand failures."""
+"""Pulses of passively safe plans, integrated by DOP853 with hundreds of random failures."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from hold_transfers import hold_transfers
 
 INSPECTOR = (Path(__file__).parents[1] / "examples" / "passive_inspector.toml").read_text()
 ZONE = 20.0  # m
-FAILURES = 1000
+FAILURES = 400
 EVERY = 10.0  # s, samples of a drift: between them 20 m are left by less than ROUGH
 ROUGH = 2e-4  # of the zone: 5 s at 0.1 m/s, squared, in 20 m, halved
 
@@ -76,22 +76,22 @@ def nearest_drift(path, pulses, until, seed):
         ("5 mm/s", "60 s", 1.25),
     ],
 )
-def test_pulses_leave_room_when_thrust_is_lost(bit, period, larger):
-    """Planned to touch, pulses of the plan would drift to 0.99, 0.97 and 0.82 zones."""
+def test_pulses_are_passively_safe(bit, period, larger):
+    """Without a margin, drifts after lost pulses would come to 0.99, 0.97 and 0.82 zones."""
     (plan, _) = fly(parse(inspector(bit, period))).results
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
     assert 1.0 < plan.pulsed.room.larger < larger
     (zone,) = plan.result.zones
-    assert zone.norm(np.array([ZONE, 0.0, 0.0])) == pytest.approx(1.0)  # pictures are of what was asked for
+    assert zone.norm(np.array([ZONE, 0.0, 0.0])) == pytest.approx(1.0)  # pictures show the required zone
     pulses, path = plan.pulsed.firing.pulses, plan.after.path("Inspector")
     least = nearest_drift(path, pulses, path.end + 86400.0, 7)
     assert least > ZONE * (1.0 - 1e-9)
     assert least > ZONE * (plan.passive.worst.ratio - ROUGH)
 
 
-def test_pulses_without_room_say_how_much_they_need():
-    """The ellipse that is arrived on is 25 m from the client: zones cannot be larger by a quarter."""
+def test_pulses_that_are_not_safe_report_the_required_margin():
+    """The final ellipse is 25 m from the client, so zones cannot be larger by a quarter."""
     mission = fly(parse(inspector("10 mm/s", "300 s")))
     plan = mission.results[0]
     assert (plan.passive.safe, mission.verdict.status) == (False, 1)
@@ -104,8 +104,8 @@ def test_pulses_without_room_say_how_much_they_need():
 
 
 @pytest.mark.parametrize("bit", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
-def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
-    """Pulses of its impulses, of which some are below the bit, would drift to 0.58 zones."""
+def test_minimum_delta_v_plan_consists_of_its_pulses(bit):
+    """Drifts after pulses of plain impulses, some below the bit, would come to 0.58 zones."""
     (plan, _) = fly(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
@@ -120,9 +120,9 @@ def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
     assert np.abs(path.state(path.end) - aim.state(aim.end)).max() < 1e-6
 
 
-def test_bits_that_no_thruster_can_give_are_refused_with_a_reason(monkeypatch):
+def test_excessive_minimum_bit_is_refused_with_a_reason(monkeypatch):
     """Within the transfer, a thruster of 1 mm/s^2 gives less than 6 m/s."""
-    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 4e6)  # of 9e7
+    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 1e6)  # of 9e7
     result = fly(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
     assert result.end - result.start < 6000.0
     assert not result.flown
@@ -130,8 +130,8 @@ def test_bits_that_no_thruster_can_give_are_refused_with_a_reason(monkeypatch):
 
 
 @pytest.mark.slow
-def test_safe_pulses_are_fired_as_they_are_planned():
-    """Without a period, too, as nothing lasts that thrusters do not give all the while."""
+def test_fired_pulses_equal_the_safe_plan():
+    """Impulses need no period; continuous thrust does."""
     case = hold_transfers()[2]
     six = cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3)
     plan = cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v", thrusters=six)

@@ -68,7 +68,7 @@ def test_totals_agree_with_quadrature_and_sampling(name):
     assert path.peak_thrust == pytest.approx(peak, rel=1e-9)
 
 
-def test_a_coast_costs_nothing():
+def test_coast_costs_nothing():
     path = ORBIT.coast(INITIAL, 5000.0)
     assert (path.energy, path.delta_v, path.peak_thrust, path.impulses) == (0.0, 0.0, 0.0, ())
     np.testing.assert_array_equal(path.thrust([0.0, 2500.0, 5000.0]), 0.0)
@@ -229,7 +229,7 @@ def test_extended_paths_coast_on(orbit):
     assert short.extended(400.0) is short
 
 
-def test_a_path_is_extended_from_its_last_impulse():
+def test_path_is_extended_from_its_last_impulse():
     move = ORBIT.two_impulse(INITIAL, FINAL, 900.0)
     longer = move.extended(1500.0)
     np.testing.assert_allclose(longer.state(1500.0), ORBIT.coast(FINAL, 600.0).state(600.0), atol=1e-9)

@@ -1,4 +1,4 @@
-"""Arguments of pictures and studies: what does not fit is named in one line, before anything is drawn."""
+"""Invalid arguments of pictures and studies are named in one line."""
 
 import inspect
 import io
@@ -105,12 +105,12 @@ def call(name, /, **arguments):
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_an_argument_that_does_not_fit_is_named(name):
+def test_invalid_arguments_are_named(name):
     for argument, good in CALLS[name].items():
         for kind, bad in BAD.items():
             if isinstance(bad, str) and (isinstance(good, str) or argument == "file"):
                 continue
-            with pytest.raises(ValueError) as caught:  # noqa: PT011, whose words are looked at
+            with pytest.raises(ValueError) as caught:  # noqa: PT011, the message is checked below
                 call(name, **{**CALLS[name], argument: bad})
             assert is_named(argument, caught.value), (argument, kind)
             assert type(caught.value) in (ValueError, ScenarioError)

@@ -1,4 +1,4 @@
-"""Pictures drawn by other processes equal those that this process draws."""
+"""Pictures of worker processes equal those of this process."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ ORBIT = cf.Orbit(1.1e-3)
 PATH = ORBIT.coast([60, 30, 20, 0, -0.132, 0.03], 3000.0)
 OTHER = ORBIT.transfer([0] * 6, [20, 0, 0, 0, 0, 0], 3000.0)
 PAIR = PATH, OTHER, cf.Sphere(50.0)
-OPTIONS = {"zone": cf.Sphere(50.0), "frames": 7}
+OPTIONS = {"zone": cf.Sphere(50.0), "frames": 2}
 PICTURES = [
     Picture("distances", "caption 1", "distances", PAIR),
     Picture("two_ways", "caption 2", "two_ways", PAIR),
@@ -25,7 +25,7 @@ PICTURES = [
 
 @pytest.fixture
 def others(monkeypatch):
-    """Other processes that draw."""
+    """Let worker processes draw."""
     monkeypatch.setattr(drawing, "_begun", [True])
 
 
@@ -40,13 +40,13 @@ def files(place, pictures=PICTURES):
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
-    """The files that one process draws."""
+    """Return the files that one process draws."""
     found, said = files(tmp_path_factory.mktemp("alone"))
     assert f"picture {len(PICTURES)} of {len(PICTURES)}: film" in said
     return found
 
 
-def test_processes_draw_the_same_pictures(tmp_path, alone, others):
+def test_parallel_processes_draw_the_same_pictures(tmp_path, alone, others):
     found, said = files(tmp_path)
     assert found == alone
     assert said
@@ -64,12 +64,12 @@ class Killer(Picture):
         return super().draw(folder)
 
 
-def test_this_process_draws_if_another_is_killed(tmp_path, alone, others):
+def test_pictures_are_drawn_if_a_worker_is_killed(tmp_path, alone, others):
     killer = Killer("distances", "caption 1", "distances", PAIR, spared=os.getpid())
     assert files(tmp_path, [killer, *PICTURES[1:]])[0] == alone
 
 
-def test_an_error_of_a_picture_is_raised(tmp_path, others):
+def test_drawing_errors_are_raised(tmp_path, others):
     wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
     with pytest.raises(ValueError, match="zone"):
         drawing.drawn([*PICTURES, wrong], Folder(tmp_path), lambda text: None)

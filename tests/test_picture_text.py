@@ -1,4 +1,4 @@
-"""What is written in pictures: names as they are, nothing on top of each other, nothing cut off."""
+"""Text in pictures: names are literal, no texts overlap, none is cut off."""
 
 import io
 from dataclasses import replace
@@ -68,7 +68,7 @@ PLAIN = [f"F{k}" for k in range(1, 13)]
 
 
 def written(figure):
-    """Every text that is drawn, with its box in pixels."""
+    """Return every text that is drawn, with its box in pixels."""
     drawn = []
 
     draw = Text.draw
@@ -87,7 +87,7 @@ def written(figure):
 
 
 @pytest.mark.parametrize("draw", PICTURES.values(), ids=PICTURES)
-def test_no_words_lie_on_each_other_or_beyond_the_page(draw):
+def test_texts_do_not_overlap_or_leave_the_page(draw):
     figure = draw(["Chaser", "Target"] + [f"Formation {k}" for k in range(10)])
     banner(figure, STAGE)
     found = written(figure)
@@ -108,8 +108,8 @@ def test_no_words_lie_on_each_other_or_beyond_the_page(draw):
 
 
 @pytest.mark.parametrize("draw", [*PICTURES.values()][1::5], ids=[*PICTURES][1::5])
-def test_a_name_is_text(draw):
-    """Nothing is read as a formula, nothing warns (warnings are errors), nothing is cut off."""
+def test_names_are_drawn_literally(draw):
+    """No name is parsed as a formula, no glyph warns (warnings are errors), no text is cut off."""
     figure = draw(ODD)
     found = written(figure)
     named = [text for text, _ in found if any(name in text.get_text() for name in ODD[:5])]
@@ -117,7 +117,7 @@ def test_a_name_is_text(draw):
     assert all(box.x0 >= -1 and box.x1 <= figure.bbox.x1 + 1 for _, box in found)
 
 
-def test_three_views_and_both_animations_take_any_name():
+def test_views_and_animations_accept_any_name():
     search = cf.Search.basic(cf.Sensor(np.radians(70.0)), np.radians(0.25), np.radians(25.0))
     positions = [[0.0, 0, 0], [-49, 75, 18], [-35, -31, -227]]
     found = cf.gather(search, positions, 1e-3 * np.array([[0.0, 0, 0], [-16, 69, -12], [-35, 83, -24]]))
@@ -128,7 +128,7 @@ def test_three_views_and_both_animations_take_any_name():
     plots.formation_animation(AFTER, io.BytesIO(), ODD, BALL, frames=2)
 
 
-def test_the_curve_of_a_histogram_is_the_share_done_by_then():
+def test_histogram_curve_is_the_cumulative_share():
     figure = plots.histogram(np.concatenate([LATE, [np.nan] * 10]), SEARCH)
     (curve,) = figure.axes[1].get_lines()
     minutes, share = curve.get_xdata(), curve.get_ydata()
@@ -138,17 +138,6 @@ def test_the_curve_of_a_histogram_is_the_share_done_by_then():
     end = next(end for *_, end in SEARCH.phases if end >= LATE.max())
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, end / 60.0))
     assert figure.axes[1].get_ylabel().endswith("[%]")
-
-
-class Shown:
-    """A folder that keeps a figure."""
-
-    def picture(self, name, figure):
-        self.figure = figure
-
-
-STILL = 'velocity = "0 0 0 m/s" }'
-REST = f'{{ position = "0 0 0 m", {STILL}, {{ position = "0 500 0 m", {STILL}'
 
 
 EVERY = """
@@ -197,7 +186,7 @@ animation = true
 
 
 @pytest.mark.slow
-def test_every_stage_that_moves_has_its_film(tmp_path):
+def test_every_stage_with_motion_has_an_animation(tmp_path):
     mission = fly(parse(EVERY))
     assert mission.stopped is None
     for told in RunReport(mission).sections:

@@ -1,4 +1,4 @@
-"""Pictures: what they show is what the search finds, on every kind of path."""
+"""Pictures of one spacecraft agree with the conflict search, on every kind of path."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ SPACE = cf.Ellipsoid([5.0, 5.0, 5.0])
 
 
 def crossing(path, time, velocity):
-    """A coasting craft that is 4 m beside a path at a time, with a relative velocity."""
+    """Return a spacecraft that coasts past a path 4 m away at a time, with a relative velocity."""
     meeting = path.state(time) + [2.0, 3.0, -2.0, *velocity]
     return ORBIT.coast(np.linalg.solve(ORBIT.transition(time), meeting), path.end)
 
@@ -75,7 +75,7 @@ def words(axes):
 
 
 def assert_units(figure):
-    """Every labelled axis of a drawn figure names its unit."""
+    """Check that every labelled axis of a drawn figure names its unit."""
     assert isinstance(figure, Figure)
     figure.draw_without_rendering()
     labels = [word for axes in figure.axes for word in words(axes) if word]  # none beside a scale bar
@@ -83,7 +83,7 @@ def assert_units(figure):
 
 
 def spans(figure):
-    """Bars of the timeline by row: (start, end) in the unit of the axis."""
+    """Return the bars of the timeline by row: (start, end) in the unit of the axis."""
     found = {}
     for bars in figure.axes[3].collections:
         if isinstance(bars, PolyCollection):
@@ -94,12 +94,12 @@ def spans(figure):
 
 
 def seconds(figure, path):
-    """The unit of the time axis, in s."""
+    """Return the unit of the time axis [s]."""
     name = figure.axes[3].get_xlabel().removeprefix("time [").removesuffix("]")
     return {"s": 1.0, "min": 60.0, "h": 3600.0, "orbits": path.orbit.period}[name]
 
 
-def test_bars_end_where_the_certified_search_says(kind):
+def test_conflict_bars_agree_with_the_certified_search(kind):
     path, other, zone = kind
     figure = plots.distances(path, other, zone)
     assert_units(figure)
@@ -115,13 +115,13 @@ def test_bars_end_where_the_certified_search_says(kind):
         assert np.allclose(np.array(rows["all three"]).ravel() * unit, edges, atol=1e-6)
 
 
-def test_the_kinds_of_paths_do_conflict():
+def test_paths_of_these_tests_conflict():
     counts = [len(cf.find_conflicts(*kind)) for kind in KINDS.values()]
     assert [count > 0 for count in counts] == [True, True, True, True, False, True]
-    assert counts[1] > 4  # a stay or two in every orbit
+    assert counts[1] > 4  # one or two in every orbit
 
 
-def test_bars_of_one_axis_end_where_the_distance_meets_the_zone_line(kind):
+def test_bars_of_each_axis_agree_with_the_distances(kind):
     path, other, zone = kind
     figure = plots.distances(path, other, zone)
     unit = seconds(figure, path)
@@ -137,22 +137,20 @@ def test_bars_of_one_axis_end_where_the_distance_meets_the_zone_line(kind):
         assert np.allclose(np.abs(gap), zone.extents[axis], rtol=1e-9)
 
 
-def test_distances_draw_the_true_gap():
+def test_distance_curve_is_the_relative_position():
     curve = plots.distances(MOVER, HIT, ELLIPSOID).axes[1].get_lines()[0]
     times = np.asarray(curve.get_xdata()) * 60
     gap = MOVER.position(times)[:, 1] - HIT.position(times)[:, 1]
     assert np.allclose(curve.get_ydata(), gap, atol=1e-6)  # m; times went through minutes and back
 
 
-def test_two_ways(kind):
-    assert_units(plots.two_ways(*kind))
-
-
-def test_before_after_ratios_and_thrust(kind):
-    path, other, zone = kind
+@pytest.mark.parametrize("kind", ["impulsive", "deep space"])
+def test_axis_labels_state_units(kind):
+    path, other, zone = KINDS[kind]
     ways = ways_around(path, other, zone)
     after = ways[0] if ways else path
     for figure in (
+        plots.two_ways(path, other, zone, ways),
         plots.before_after(path, after, [other], zone, ["target"]),
         plots.ratios(path, after, [other], zone),
         plots.thrust([path, after], ["before", "after"]),
@@ -160,7 +158,7 @@ def test_before_after_ratios_and_thrust(kind):
         assert_units(figure)
 
 
-def test_the_two_ways_are_clear_and_pass_on_opposite_sides():
+def test_both_ways_are_clear_on_opposite_sides():
     ways = ways_around(MOVER, HIT, ELLIPSOID)
     assert len(ways) == 2
     gaps = []
@@ -178,7 +176,7 @@ def test_the_two_ways_are_clear_and_pass_on_opposite_sides():
     assert ways[0].energy < best.energy + 0.02 * MOVER.energy
 
 
-def test_impulses_are_stems_of_their_own_height():
+def test_stems_have_the_height_of_impulses():
     path = KINDS["impulsive"][0]
     figure = plots.thrust([path], ["two impulses"])
     right = [axes for axes in figure.axes if axes.get_ylabel().startswith("impulse")]
@@ -205,7 +203,7 @@ def test_shadow_and_section_of_a_zone(zone):
     assert np.allclose(zone.norm(section(zone, plane) @ plane), 1.0)
 
 
-def test_least_ratio_is_the_certified_one():
+def test_marked_minimum_is_the_certified_ratio():
     axes = plots.ratios(MOVER, MOVER, OTHERS, ELLIPSOID).axes[0]
     dot = next(line for line in axes.get_lines() if line.get_marker() == "o")
     near = cf.closest_approach(MOVER, OTHERS, ELLIPSOID)
@@ -228,6 +226,6 @@ def test_least_ratio_is_the_certified_one():
         ),
     ],
 )
-def test_bad_input_is_named(call, message):
+def test_invalid_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()

@@ -309,7 +309,7 @@ def test_feedback_error_is_that_of_a_lyapunov_equation():
     measured = np.isclose(flights.times % 60.0, 0.0) & (flights.times > 2000.0)
     away = flights.states[:, 0, measured] - path.state(flights.times[measured])
     found = (away**2).mean(axis=(0, 1))
-    # 2 % for what is measured in the midst of 8 s, and four deviations of some 10 000 that are independent
+    # 2 % for measurements amid 8 s, and four standard errors of some 10 000 independent samples
     assert found == pytest.approx(np.diag(steady), rel=0.08)
     assert (flights.feedback_delta_v > 0.1).all()
 

@@ -1,4 +1,4 @@
-"""The surface: what users see of the package is documented, shown in the docs, and quick to load."""
+"""Every public name is documented, shown in the docs and quick to import."""
 
 import ast
 import importlib
@@ -96,7 +96,7 @@ def test_the_whole_surface_is_seen() -> None:
 ENUMERATIONS = [value for value in CALLABLES.values() if inspect.isclass(value) and issubclass(value, Enum)]
 
 
-def test_enumerations_say_what_each_member_means() -> None:
+def test_enumeration_members_are_documented() -> None:
     """One line of the list for each, in their order."""
     for enumeration in ENUMERATIONS:
         listed = re.findall(r"^    - `(\w+)`: \w.+[.;:,\w]$", enumeration.__doc__ or "", re.MULTILINE)
@@ -126,7 +126,7 @@ def test_every_public_name_is_shown_in_the_docs() -> None:
     assert names - shown() == set()
 
 
-def test_every_public_name_has_its_place_in_the_reference() -> None:
+def test_reference_lists_every_public_name() -> None:
     """docs/api.md lists each name once, under the module that it is reached by."""
     text = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
     listed = []
@@ -136,7 +136,7 @@ def test_every_public_name_has_its_place_in_the_reference() -> None:
     assert sorted(listed) == sorted(public)
 
 
-def test_stub_says_what_the_package_says() -> None:
+def test_stub_agrees_with_the_package() -> None:
     """`__init__.pyi`, which editors and type checkers read, has the names of `__init__.py`."""
     stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
@@ -146,7 +146,7 @@ def test_stub_says_what_the_package_says() -> None:
     assert stated == homes | modules
 
 
-def test_names_are_where_they_are_said_to_be() -> None:
+def test_public_names_are_in_their_modules() -> None:
     for name, module in cf._HOMES.items():
         assert getattr(cf, name) is getattr(importlib.import_module(f"closeform.{module}"), name)
     assert {*cf._HOMES, *cf._MODULES} == {name for name in dir(cf) if not name.startswith("__")}

@@ -114,7 +114,7 @@ FALSE_PLANS = {
 
 
 @pytest.mark.parametrize("name", FALSE_PLANS)
-def test_checks_find_a_false_plan(name, by_hand):
+def test_plan_checks_find_errors(name, by_hand):
     task, plan = by_hand
     lie, words = FALSE_PLANS[name]
     said = faults(lie(task, plan), **task)

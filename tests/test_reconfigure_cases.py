@@ -1,4 +1,4 @@
-"""Swaps and random reconfigurations from fixed seeds, every plan flown again.
+"""Swaps and random reconfigurations from fixed seeds, every plan integrated again.
 
 pytest takes a sample; `python tests/test_reconfigure_cases.py` takes all and says how they went.
 """
@@ -18,13 +18,13 @@ CONFLICTING_SAMPLE = range(0, CONFLICTING, 3)
 
 
 def complaints(task):
-    """What is wrong with the plan of a task whose ends are clear: lists of words."""
+    """Return the plan of a task with clear ends, and its faults."""
     plan = cf.reconfigure(**task.arguments)
     return plan, faults(plan, **task.arguments)
 
 
 def refusal(task):
-    """What is wrong with the answer to a task of which two craft conflict where they are held."""
+    """Return the refusal of a task whose ends conflict, and its faults."""
     plan = cf.reconfigure(**task.arguments)
     said = []
     if plan.status != Status.END_INSIDE:
@@ -43,7 +43,10 @@ def named(task, reason):
     return all(str(k if k < task.count else k - task.count) in reason for k in task.pair)
 
 
-@pytest.mark.parametrize("seed", SAMPLE[::4])
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(k, marks=[pytest.mark.slow] * (k == 144)) for k in SAMPLE[::4]],  # seconds
+)
 def test_random_formations_are_planned(seed):
     _, said = complaints(random_case(seed))
     assert said == []
@@ -69,14 +72,14 @@ def test_twelve_swap_through_one_point():
     assert not plan.measures
 
 
-def test_a_swap_in_orbit_costs_at_most_three_per_cent():
+def test_swap_in_orbit_costs_at_most_three_per_cent_more():
     plan, said = complaints(swap(orbit=LOW_ORBIT))
     assert said == []
     assert plan.gap <= 0.03
 
 
-def test_the_tasks_are_work():
-    """Or planning them shows nothing: their direct paths run into each other."""
+def test_random_formations_have_conflicts():
+    """Their direct paths conflict, so that planning is needed."""
     conflicts = 0
     for seed in SAMPLE[::4]:
         task = random_case(seed)

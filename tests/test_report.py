@@ -1,4 +1,4 @@
-"""Reports: every kind of stage has its section, and all formats say the same numbers."""
+"""Reports: every kind of stage has its section, and all formats have the same numbers."""
 
 import re
 from html import unescape
@@ -31,14 +31,14 @@ TABLE = Table(
 )
 
 
-def test_every_kind_of_stage_can_be_flown_and_told() -> None:
+def test_every_kind_of_stage_runs_and_is_reported() -> None:
     kinds = set(STAGES.values())
     assert set(FLIES) == set(run.SECTIONS) == kinds
     assert set(campaign.KINDS) == {kind for kind in kinds if kind.searches}
 
 
-def test_a_cell_as_text() -> None:
-    """Scaled and rounded, what is absent as a dash, a text as it is; what has no heading is not shown."""
+def test_text_of_a_cell() -> None:
+    """Numbers are scaled and rounded, absent values are dashes, columns without a heading are left out."""
     assert [column.heading for column in TABLE.shown] == ["pair", "distance [mm]", "twice", "phase"]
     assert TABLE.texts == [
         ["A - B", "250.0", "0.5 m", "IPS 1"],
@@ -47,7 +47,7 @@ def test_a_cell_as_text() -> None:
     ]
 
 
-def test_rows_of_zeros_are_shown_as_one() -> None:
+def test_rows_of_zeros_are_merged() -> None:
     """They are counted without the total, and stored as they are."""
     columns = Column("craft", "craft", words=True), Column("delta-v [m/s]", "delta_v_m_s", "{:.1f}".format)
     rows = [("A", 0.0), ("B", 2.0), ("C", 0.0), ("all", 2.0)]
@@ -58,8 +58,8 @@ def test_rows_of_zeros_are_shown_as_one() -> None:
     assert Table("Use", columns, rows[:2], idle="no thrust used").texts == [["A", "0.0"], ["B", "2.0"]]
 
 
-def test_a_row_as_json() -> None:
-    """In SI, without what is only shown; a cell of parts under its key, or by parts without one."""
+def test_row_as_json() -> None:
+    """Values are in SI, without columns for display only; a cell of parts is nested under its key."""
     first = {"pair": ["A", "B"], "distance_m": 0.25, "ratio": 1.5, "phase": "IPS", "round": 1}
     assert Table("", TABLE.columns, TABLE.rows[:1]).records == [first]
 
@@ -89,7 +89,7 @@ def test_cells_of_the_page() -> None:
     "text", [NEARER, searched(FIRST, AFTER, position=PLACES, velocity=MOVING)], ids=["move", "search"]
 )
 def test_every_number_of_a_file_is_in_the_summary(text: str) -> None:
-    """What Parquet says of conflicts and craft, the summary says too: both come from the same rows."""
+    """Conflicts and spacecraft have the same numbers in Parquet files and in the summary."""
     report = run.RunReport(fly(parse(text)))
     stages = report.summary["stages"]
     conflicts = report.files["conflicts"]

@@ -1,4 +1,4 @@
-"""report.html as it is handed in: requirements, budget, limits of the model; and that of screenings."""
+"""report.html: requirements, delta-v budget, model error and reproduction; pages of screenings."""
 
 import json
 import re
@@ -91,7 +91,7 @@ def rows(page, title):
     ]
 
 
-def test_what_was_asked_comes_first_and_how_to_repeat_it_last(handed_in):
+def test_page_starts_with_requirements_and_ends_with_reproduction(handed_in):
     page = (handed_in / "report.html").read_text()
     headings = Headings(page).found
     assert [text for level, text in headings if level == 1] == ["Three craft"]
@@ -119,8 +119,8 @@ def test_what_was_asked_comes_first_and_how_to_repeat_it_last(handed_in):
         ({'"0 200 0 m", vel': '"0 10 0 m", vel'}, "No craft enters"),  # 10 m from F1
     ],
 )
-def test_each_requirement_is_told_apart(changes, broken):
-    """What is not met is what was made impossible, and it alone; all of them together are the verdict."""
+def test_each_requirement_has_its_row(changes, broken):
+    """Only the requirement made impossible is not met; all together are the verdict."""
     text = LIMITED
     for old, new in changes.items():
         assert old in text
@@ -134,7 +134,7 @@ def test_each_requirement_is_told_apart(changes, broken):
     assert len(told) == 6  # clearance, three limits, two stages that are to end in time
 
 
-def test_the_budget_adds_up(report):
+def test_delta_v_budget_adds_up(report):
     """In all and by stage as Tsiolkovsky and dense samples of the thrust have it."""
     mission = report.mission
     stages = report.summary["budget"]
@@ -181,7 +181,7 @@ def orbits(states, period):
 
 
 @pytest.mark.parametrize("far", [300.0, 3000.0])
-def test_how_far_off_the_model_is_on_a_circle(far):
+def test_model_error_on_a_circular_orbit(far):
     """A craft that far ahead on the same circle, integrated: the rule of the curvature to a hundredth."""
     orbit = cf.Orbit.circular(500e3)
     a = cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion)
@@ -197,7 +197,7 @@ def test_how_far_off_the_model_is_on_a_circle(far):
 
 
 @pytest.mark.parametrize("eccentricity", [3e-4, 3e-3])
-def test_how_far_off_it_is_on_an_ellipse(eccentricity):
+def test_model_error_on_an_eccentric_orbit(eccentricity):
     """Start and direction decide: of many the worst is within the rule, and above a quarter of it."""
     a, far, rng = 6.85e6, 100.0, np.random.default_rng(6)
     orbit = cf.Orbit.from_semi_major_axis(a)
@@ -222,7 +222,7 @@ def test_how_far_off_it_is_on_an_ellipse(eccentricity):
     assert 0.25 * told[2] < worst * far < 1.05 * told[2]
 
 
-def test_the_farthest_craft_is_found():
+def test_model_error_is_that_of_the_farthest_spacecraft():
     """Of two flights one after another, against dense samples."""
     mission = fly(parse(LIMITED))
     flights = [result.after for result in mission.results]
@@ -245,8 +245,8 @@ def desk(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_screening_leaves_what_a_run_leaves(desk, capsys):
-    """Tables of what is printed, states of the common frame, pictures, page; the summary tells them all."""
+def test_screening_writes_the_files_of_a_run(desk, capsys):
+    """Printed tables, states of the common frame, pictures and page are all listed in the summary."""
     assert main(["screen", "A.oem", "B.oem", "--ellipsoid", "20 800 20 m"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 conflict remains; results in A-screen-results"
     place = desk / "A-screen-results"
@@ -272,7 +272,7 @@ def test_a_screening_leaves_what_a_run_leaves(desk, capsys):
     assert_linked(place)
 
 
-def test_results_of_screenings_do_not_stand_in_each_others_way(desk, monkeypatch, capsys):
+def test_screenings_have_separate_folders(desk, monkeypatch, capsys):
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     for place in ("A-screen-results", "A-screen-results-2"):
         assert main(["screen", "A.oem", "B.oem", "--sphere", "20 m"]) == 0
@@ -289,7 +289,7 @@ def test_results_of_screenings_do_not_stand_in_each_others_way(desk, monkeypatch
     ]
 
 
-def test_a_conjunction_leaves_its_motion_and_its_figures(desk, capsys):
+def test_conjunction_writes_its_motion_and_figures(desk, capsys):
     message = Path(__file__).parents[1] / "examples" / "slow_encounter.cdm"
     assert main(["encounter", str(message), "--out", "met"]) == 0
     printed = capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Result folders under attack: two at once, files of others, and an end at every single step on the disk."""
+"""Result folders with two writers, foreign files, and an interruption at every file operation."""
 
 import json
 import os
@@ -20,7 +20,7 @@ BUILDERS = {"run": folder, "study": partial(folder, study=True)}
 
 
 def fill(under_way: Folder, age: str) -> None:
-    """Leave three files that all say how old they are; one is in a folder that only new results have."""
+    """Write three files with their age as content; one is in a folder that only new results have."""
     under_way.text("figures.txt", age)
     if age == "new":
         (under_way.path / "cases").mkdir()
@@ -53,7 +53,7 @@ OLD = ["figures.txt", "summary.json"]
 
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
-def test_results_appear_whole(builder, tmp_path) -> None:
+def test_results_are_published_atomically(builder, tmp_path) -> None:
     place = tmp_path / "deep" / "results"
     with builder(place) as under_way:
         fill(under_way, "old")
@@ -70,7 +70,7 @@ def test_results_appear_whole(builder, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
-def test_what_fails_leaves_the_results_before(builder, tmp_path) -> None:
+def test_failed_command_keeps_earlier_results(builder, tmp_path) -> None:
     place = tmp_path / "deep" / "results"
 
     def stopped(overwrite: bool) -> None:
@@ -87,7 +87,7 @@ def test_what_fails_leaves_the_results_before(builder, tmp_path) -> None:
     assert (age_of(place), names(place)) == ("old", OLD)
 
 
-def test_of_two_at_once_the_second_is_refused(tmp_path) -> None:
+def test_second_writer_is_refused(tmp_path) -> None:
     place = tmp_path / "results"
     for overwrite in (False, True):
         with BUILDERS["run"](place, overwrite) as under_way:
@@ -99,7 +99,7 @@ def test_of_two_at_once_the_second_is_refused(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
-def test_files_of_others_that_come_meanwhile_stay(builder, tmp_path) -> None:
+def test_foreign_files_added_meanwhile_are_kept(builder, tmp_path) -> None:
     place, other = tmp_path / "results", tmp_path / "other"
     made(builder, place, "new", meanwhile=lambda: (place / "notes.txt").write_text("mine"))
     assert (age_of(place), names(place)) == ("new", sorted([*NEW, "notes.txt"]))
@@ -120,7 +120,7 @@ STRANGERS = {
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 @pytest.mark.parametrize("add", STRANGERS.values(), ids=STRANGERS)
-def test_overwrite_leaves_the_files_of_others(builder, add, tmp_path) -> None:
+def test_overwrite_keeps_foreign_files(builder, add, tmp_path) -> None:
     place = tmp_path / "results"
     made(builder, place, "old")
     add(place)
@@ -133,7 +133,7 @@ def test_overwrite_leaves_the_files_of_others(builder, add, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
-def test_a_results_folder_that_became_a_link_is_not_followed(builder, tmp_path) -> None:
+def test_folder_replaced_by_a_link_is_not_followed(builder, tmp_path) -> None:
     place, elsewhere = tmp_path / "results", tmp_path / "elsewhere"
     made(builder, place, "new")
     (place / "cases").rename(elsewhere)
@@ -168,7 +168,7 @@ FOREIGN = {
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 @pytest.mark.parametrize("text", FOREIGN.values(), ids=FOREIGN)
-def test_only_our_own_summary_is_one(builder, text, tmp_path) -> None:
+def test_only_summaries_of_this_package_are_recognised(builder, text, tmp_path) -> None:
     place = tmp_path / "results"
     place.mkdir()
     (place / "a.txt").write_text("mine")
@@ -227,7 +227,7 @@ for k in range(1000):
 @pytest.mark.parametrize("before", ["fresh", "over"])
 @pytest.mark.parametrize("fault", ["kill", "ctrl-c", "full"])
 @pytest.mark.parametrize("kind", BUILDERS)
-def test_an_end_at_every_step(kind, fault, before, tmp_path) -> None:
+def test_interruption_at_every_step(kind, fault, before, tmp_path) -> None:
     """Results are those before, the new ones or none; never half of them, and the next run needs no help."""
     step = [AT_EVERY_STEP, str(Path(__file__).parent), kind, fault, before]
     done = subprocess.run(
@@ -261,7 +261,7 @@ def test_an_end_at_every_step(kind, fault, before, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
-def test_places_of_every_kind(builder, tmp_path, monkeypatch) -> None:
+def test_results_folders_of_every_kind(builder, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to("real")
@@ -304,7 +304,7 @@ def command(*arguments: str, **options) -> subprocess.Popen:
 
 
 def test_two_commands_at_once(tmp_path) -> None:
-    """Two scenarios into one folder, five times: what is there is of one of them, and it says so."""
+    """Two scenarios write to one folder five times: the results are those of one of them."""
     for name in ("one", "two"):
         (tmp_path / f"{name}.toml").write_text(GOOD.replace("Three craft", f"Scenario {name}"))
     for attempt in range(3):
@@ -323,7 +323,7 @@ def test_two_commands_at_once(tmp_path) -> None:
     assert [name for name in os.listdir(tmp_path) if name.startswith(".")] == []
 
 
-def test_a_disk_that_is_full(tmp_path) -> None:
+def test_full_disk(tmp_path) -> None:
     """No file may be longer than 8 kB: tables and pictures are."""
     (tmp_path / "good.toml").write_text(GOOD)
     (tmp_path / "lost.toml").write_text(LOST)

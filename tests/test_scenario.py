@@ -208,7 +208,7 @@ def test_reach_is_the_greatest_norm(
     assert 0.99 * greatest_norm(big, little) <= found <= greatest_norm(big, little) * (1 + 1e-12)
 
 
-def test_the_larger_zone_holds_for_a_pair() -> None:
+def test_larger_zone_of_a_pair_applies() -> None:
     text = GOOD.replace(
         'keep_out = { sphere = "20 m" }',
         'keep_out = [{ sphere = "20 m" }, { ellipsoid = "30 45 30 m" }, { sphere = "50 m" }]',
@@ -247,14 +247,14 @@ def test_sample_values() -> None:
     assert load(EXAMPLES / "f6_scatter.toml").stages[3].durations["within"] == Duration(orbits=1.0)
 
 
-def test_moves_meanwhile() -> None:
+def test_spacecraft_are_listed_by_the_key_that_names_them() -> None:
     fellow = 'meanwhile = [{ craft = "F1", to = { position = "0 -50 0 m", velocity = "0 0 0 m/s" } }]'
     stage = parse(GOOD + fellow).stages[1]
     assert isinstance(stage, Avoid)
     assert stage.craft_named == {"craft": ("F3",), "meanwhile[1].craft": ("F1",)}
 
 
-def test_errors_come_with_the_file_that_was_named(tmp_path: Path) -> None:
+def test_errors_name_the_file(tmp_path: Path) -> None:
     file = tmp_path / "broken.toml"
     file.write_text(GOOD.replace("closeform = 1", ""))
     with pytest.raises(ScenarioError, match="closeform") as raised:
@@ -270,7 +270,7 @@ def test_reference_of_the_keys_is_up_to_date() -> None:
 
 
 @pytest.mark.parametrize("size", ['hard_body = "1e16 m"', 'keep_out = { box = "1 1 1e-10 m" }'])
-def test_size_of_a_zone_out_of_range_is_an_error_of_the_file(size) -> None:
+def test_zone_size_out_of_range_names_the_file(size) -> None:
     key = size.partition(" ")[0]
     text = GOOD.replace('keep_out = { sphere = "20 m" }', size)
     with pytest.raises(ScenarioError, match=rf"craft.*{key}.*must be from 1e-09 to 1e\+15 m"):
@@ -283,12 +283,12 @@ def test_documented_example_is_a_scenario() -> None:
 
 
 @pytest.mark.parametrize("unit", ["uN", "\u00b5N", "\u03bcN"])  # the micro sign, and the Greek letter
-def test_micronewtons_as_they_are_typed(unit):
+def test_micronewtons_with_either_character(unit):
     assert Reader(FORCE)(f"25 {unit}") == pytest.approx(25e-6, rel=1e-15)
 
 
 @pytest.mark.parametrize("text", ["a" * 100_000, "\"'" * 50_000, "a. " * 40_000, " " * 100_000 + "!"])
-def test_the_time_to_read_grows_with_the_length_of_the_text(text) -> None:
+def test_reading_time_is_linear_in_the_length(text) -> None:
     """Also of a text that is no TOML; it took minutes where it grew with the square."""
     begin = process_time()
     for written in (f"{GOOD}\n# {text}", f"{GOOD}\n{text}"):
@@ -297,7 +297,7 @@ def test_the_time_to_read_grows_with_the_length_of_the_text(text) -> None:
     assert process_time() - begin < 5.0
 
 
-def test_each_line_of_an_example_that_is_deleted_is_told_in_words() -> None:
+def test_deleted_line_of_an_example_is_reported() -> None:
     """Of one that draws for its craft: no name, so that there is no craft to draw for, is one line."""
     lines = (EXAMPLES / "s04.toml").read_text().splitlines()
     for k in range(len(lines)):

@@ -206,7 +206,7 @@ def test_basic_search_with_one_turn_as_in_h03_simulation():
 
 
 def own_cone(height, aside, tip, offset, half_angle):
-    """What is missing, at best, for a craft's own cone to hold a point at a height along the sun line.
+    """Return the distance by which a spacecraft's cone at best misses a point at a height along the sun line.
 
     The cone may be tipped by any angle up to `tip`, about any axis across the sun line.
     """

@@ -328,7 +328,7 @@ def test_along_the_axis_of_a_cylinder():
 
 @pytest.mark.parametrize("turns", [1, 10, 100])
 @pytest.mark.parametrize("offset", [1e-6, 1e-9, 3e-12])
-def test_a_circle_around_a_cylinder_along_its_side(turns, offset):
+def test_circle_along_the_side_of_a_cylinder(turns, offset):
     """The general circular orbit keeps at 200 m from the line through its middle, forever."""
     e = 100.0
     path = ORBIT.coast([-e, 0, np.sqrt(3) * e, 0, 2 * e * N, 0], turns * PERIOD)

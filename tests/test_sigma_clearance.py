@@ -387,7 +387,7 @@ def test_error_just_beyond_the_clearance_enters():
     places, r = columns.position(found.time), path.position(found.time)
     inverse = np.linalg.inv(places.T @ places)
 
-    def length(direction):  # xi that leads to a point of the sphere
+    def length(direction):  # xi of a point of the sphere
         point = 15.0 * direction / np.linalg.norm(direction)
         return float(np.sqrt((point - r) @ inverse @ (point - r)))
 

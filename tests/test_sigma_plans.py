@@ -280,7 +280,7 @@ def test_inner_ellipsoid_of_the_lower_bound():
     assert (places @ ways.T <= reach + 1e-9).all()
     along = np.linalg.norm(np.linalg.solve(inside.T, contact.normal)) * 28.0
     assert along == pytest.approx(28.0 + 2.0 * contact.sigma, rel=1e-9)
-    # and what is bounded by it is the zone's bound or more
+    # so that it bounds the zone from inside
     assert plan.lower_bound > cf.avoid(PATH, CLIENT, ZONE).lower_bound
 
 

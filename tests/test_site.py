@@ -1,4 +1,4 @@
-"""The documentation site: no warning, nothing from a network, every link inside it leads somewhere."""
+"""The documentation site builds without warnings, needs no network and has valid links."""
 
 import re
 import subprocess
@@ -50,15 +50,15 @@ def pages(site: Path) -> dict[Path, Page]:
     return {file: Page(file) for file in site.rglob("*.html") if "_static" not in file.parts}
 
 
-def test_every_page_of_the_docs_is_there(site: Path) -> None:
+def test_every_page_is_built(site: Path) -> None:
     for source in (ROOT / "docs").glob("*.md"):
         heading = re.match(r"# (\w+)", source.read_text(encoding="utf-8"))
         assert heading is not None
-        # a page that is called like one of Sphinx's own, search, say, would not be seen
+        # a page with the name of one of Sphinx's own, such as search, would be hidden
         assert f"<h1>{heading[1]}" in (site / f"{source.stem}.html").read_text(encoding="utf-8")
 
 
-def test_nothing_is_fetched_from_elsewhere(site: Path, pages: dict[Path, Page]) -> None:
+def test_site_needs_no_network(site: Path, pages: dict[Path, Page]) -> None:
     """Scripts, styles, pictures and frames are files of the site; so are fonts and what styles import."""
     for file, page in pages.items():
         for target in page.fetched:
@@ -73,7 +73,7 @@ def test_nothing_is_fetched_from_elsewhere(site: Path, pages: dict[Path, Page]) 
             assert not target.startswith(("http:", "https:", "//")), f"{sheet.name} fetches {target}"
 
 
-def test_links_within_the_site_lead_somewhere(pages: dict[Path, Page]) -> None:
+def test_links_within_the_site_are_valid(pages: dict[Path, Page]) -> None:
     for file, page in pages.items():
         for target in page.links:
             parts = urlsplit(target)
@@ -85,7 +85,7 @@ def test_links_within_the_site_lead_somewhere(pages: dict[Path, Page]) -> None:
                 assert unquote(parts.fragment) in pages[other].anchors, f"{file.name}: no {target}"
 
 
-def test_formulas_are_there_with_their_numbers(site: Path, pages: dict[Path, Page]) -> None:
+def test_formulas_have_their_numbers(site: Path, pages: dict[Path, Page]) -> None:
     """As formulas, not as code, each with the number that the source cites."""
     text = (site / "theory.html").read_text(encoding="utf-8")
     tags = re.findall(r"\\tag\{(\w+)\}", (ROOT / "docs" / "theory.md").read_text(encoding="utf-8"))

@@ -154,7 +154,7 @@ def test_plan_reports_a_sufficient_thrust() -> None:
     assert (weak.shortest, weak.first) == (weak.duration, weak.needed)
 
 
-# what was compared, where thrust made a way around longer
+# comparisons of plans that a thrust limit made longer
 
 
 def test_cost_comparison_uses_equal_times() -> None:

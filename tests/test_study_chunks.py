@@ -1,4 +1,4 @@
-"""A study in chunks: it goes on where it stopped, mixes with no other, and counts what all cases come to."""
+"""Studies in chunks: interruption and continuation, exact statistics from files, remote tasks."""
 
 import json
 import pickle
@@ -21,7 +21,7 @@ from closeform.scenario import ScenarioError, load, parse
 from closeform.search.lock_statistics import TimeHistogram
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 STUDY = ["study", "narrow.toml", "--out", "out"]
 
@@ -35,8 +35,20 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def undisturbed(undrawn: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the results of the study without an interruption."""
+    place = tmp_path_factory.mktemp("undisturbed")
+    (place / "narrow.toml").write_text(NARROW)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setattr(search_cases, "PAIRS_AT_ONCE", 100)
+        assert main(STUDY) == 1
+    return place / "out"
+
+
 def stopped(monkeypatch: pytest.MonkeyPatch, after: int, error: BaseException) -> int:
-    """The status of the study when it stops after some chunks."""
+    """Return the status of the study if it stops after some chunks."""
     take = Stored.take
 
     def failing(self: Stored, one: Chunk) -> None:
@@ -50,12 +62,12 @@ def stopped(monkeypatch: pytest.MonkeyPatch, after: int, error: BaseException) -
 
 
 def rows(place: Path) -> dict[str, bytes]:
-    """The files of cases."""
+    """Return the files of cases by name."""
     return {file.name: file.read_bytes() for file in sorted((place / "cases").iterdir())}
 
 
 def flown_ranges(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The first cases of the chunks that are flown from now on."""
+    """Return a list of the first cases of all chunks evaluated from now on."""
     found, of = [], Chunk.of
     monkeypatch.setattr(
         Chunk, "of", lambda cases, first, last: (found.append(first), of(cases, first, last))[1]
@@ -78,14 +90,13 @@ def flown_ranges(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         ),
     ],
 )
-def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch, capsys) -> None:
-    assert main([*STUDY[:-1], "undisturbed"]) == 1
-    whole = rows(desk / "undisturbed")
+def test_interrupted_study_continues(error, status, said, undisturbed, desk, monkeypatch, capsys) -> None:
+    whole = rows(undisturbed)
     assert list(whole) == [f"{first:09d}.parquet" for first in range(0, 300, 50)]
     assert stopped(monkeypatch, 3, error) == status
     assert said in capsys.readouterr().err
     assert not (desk / "out" / "summary.json").exists()
-    assert main(["run", "narrow.toml", "--case", "1", "--out", "out"]) == 2  # nobody else takes its place
+    assert main(["run", "narrow.toml", "--case", "1", "--out", "out"]) == 2  # a run does not replace it
     assert "out: holds an unfinished study; continue it, add --overwrite" in capsys.readouterr().err
     assert main(["view", "out"]) == 2
     told = (
@@ -97,14 +108,14 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert main(STUDY) == 1
     assert len(again) == 3
     assert rows(desk / "out") == whole
-    both = [json.loads((desk / name / "summary.json").read_text()) for name in ("out", "undisturbed")]
-    assert both[0] == both[1]
-    assert sorted(file.name for file in desk.iterdir()) == ["narrow.toml", "out", "undisturbed"]
+    one, other = (json.loads((place / "summary.json").read_text()) for place in (desk / "out", undisturbed))
+    assert one == other
+    assert sorted(file.name for file in desk.iterdir()) == ["narrow.toml", "out"]
     assert not (desk / "out" / ".unfinished").exists()
 
 
-def test_a_finished_study_that_is_asked_for_again_ends_with_its_status(desk, monkeypatch, capsys) -> None:
-    """A job that repeats the command until it is done can end; another study is still refused."""
+def test_finished_study_returns_its_status_again(desk, monkeypatch, capsys) -> None:
+    """The same command does nothing more; another study is refused."""
     assert main(STUDY) == 1
     last = capsys.readouterr().out.splitlines()[-1]
     again = flown_ranges(monkeypatch)
@@ -120,8 +131,8 @@ def test_a_finished_study_that_is_asked_for_again_ends_with_its_status(desk, mon
     assert len(again) == 6
 
 
-def test_overwrite_replaces_an_unfinished_study_of_another_seed(desk, monkeypatch, capsys) -> None:
-    """Also where that one was to replace finished results, and where a kill left its manifest."""
+def test_overwrite_replaces_an_unfinished_study(desk, monkeypatch, capsys) -> None:
+    """Also if that study was to replace finished results."""
     assert main(STUDY) == 1
     with monkeypatch.context() as patched:
         patched.setattr("test_study_chunks.STUDY", [*STUDY, "--seed", "8", "--overwrite"])
@@ -141,7 +152,7 @@ def test_overwrite_replaces_an_unfinished_study_of_another_seed(desk, monkeypatc
         ([], 'another scenario: study.vary."craft.velocity".normal "5 cm/s", not "6 cm/s"; repeat'),
     ],
 )
-def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) -> None:
+def test_different_study_is_refused(options, what, desk, monkeypatch, capsys) -> None:
     assert stopped(monkeypatch, 2, KeyboardInterrupt()) == 130
     if not options:
         (desk / "narrow.toml").write_text(NARROW.replace("5 cm/s", "6 cm/s"))
@@ -157,8 +168,7 @@ def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) ->
     assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == 300
 
 
-def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
-    assert main([*STUDY[:-1], "undisturbed"]) == 1
+def test_damaged_chunk_is_evaluated_again(undisturbed, desk, monkeypatch, capsys) -> None:
     assert stopped(monkeypatch, 4, KeyboardInterrupt()) == 130
     private = desk / "out" / ".unfinished"
     spoilt, *_ = sorted((private / "results" / "cases").iterdir())
@@ -175,13 +185,12 @@ def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
     assert re.fullmatch(r"out: continuing, [1-9]\d* of \d+ cases are complete", going_on)
     assert len(again) == 3
     assert int(spoilt.stem) in again
-    assert rows(desk / "out") == rows(desk / "undisturbed")
+    assert rows(desk / "out") == rows(undisturbed)
 
 
 @pytest.mark.parametrize("kept", [3, "all"])
-def test_a_kill_while_results_move_up_loses_nothing(kept, desk, monkeypatch) -> None:
-    """Some of the cases stand in their place when the process is gone, or all do."""
-    assert main([*STUDY[:-1], "undisturbed"]) == 1
+def test_kill_during_publication_loses_nothing(kept, undisturbed, desk, monkeypatch) -> None:
+    """The process ends after three or all files of cases are published."""
     real, moved = Path.replace, []
 
     def replace(self: Path, target: Path) -> Path:
@@ -202,16 +211,16 @@ def test_a_kill_while_results_move_up_loses_nothing(kept, desk, monkeypatch) -> 
     again = flown_ranges(monkeypatch)
     assert main(STUDY) == 1
     assert again == []
-    assert rows(desk / "out") == rows(desk / "undisturbed")
+    assert rows(desk / "out") == rows(undisturbed)
     assert main([*STUDY, "--seed", "8", "--overwrite"]) == 1
     assert not (desk / "out" / ".unfinished").exists()
 
 
-# what files come to
+# statistics
 
 
 @pytest.mark.parametrize("text", [NARROW, GATHERING])
-def test_files_give_the_same_figures_as_arrays(text, tmp_path, monkeypatch) -> None:
+def test_statistics_of_files_and_arrays_agree(text, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(search_cases, "PAIRS_AT_ONCE", 100)
     monkeypatch.setattr("closeform.campaign.search_cases.GATHERINGS_AT_ONCE", 70)
     scenario = parse(text)
@@ -235,8 +244,8 @@ def test_files_give_the_same_figures_as_arrays(text, tmp_path, monkeypatch) -> N
     assert held.tally.good.count == held.good.sum()
 
 
-def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
-    """Though only a few values are ever held, and many are equal."""
+def test_order_statistics_are_exact(monkeypatch) -> None:
+    """Only a few values are held in memory, and many are equal."""
     monkeypatch.setattr(spread, "HELD", 40)
     rng = np.random.default_rng(2)
     values = np.round(np.exp(rng.normal(2.0, 3.0, 5000)), 2)
@@ -247,8 +256,8 @@ def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
     assert order_statistics(lambda: parts, len(order), ranks) == {rank: order[rank] for rank in ranks}
 
 
-def test_quantiles_have_the_confidence_that_they_say() -> None:
-    """Of 150 samples of 2000 each, the interval of each quantile holds the true one in 95 % at least."""
+def test_quantile_intervals_have_their_confidence() -> None:
+    """In 150 samples of 2000, intervals contain the true quantile at least as often as stated (95 %)."""
     rng, truth = np.random.default_rng(3), stats.expon()
     for share in (0.5, 0.95):
         held = 0
@@ -260,13 +269,13 @@ def test_quantiles_have_the_confidence_that_they_say() -> None:
             assert quantile.low <= quantile.value <= quantile.high
             held += quantile.low <= truth.ppf(share) <= quantile.high
         assert stats.binom.cdf(held, 150, 0.95) > 1e-3
-        assert stats.binom.sf(held, 150, 0.975) > 1e-3  # and is no wider than whole ranks make it
+        assert stats.binom.sf(held, 150, 0.975) > 1e-3  # and is as narrow as whole ranks allow
     few = Spread.of(lambda: [(np.arange(5.0), np.arange(5))])
     assert few is not None
-    assert few.quantiles[0.999].high is None  # five values cannot say so much
+    assert few.quantiles[0.999].high is None  # not determined by five values
 
 
-def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
+def test_histogram_of_chunks_is_that_of_all_times() -> None:
     campaign = evaluated(load(S04), 20_000)
     times, search = campaign.time, campaign.search
     parts = TimeHistogram.of(np.array_split(times, 7), search.duration, search)
@@ -280,7 +289,7 @@ def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
 
 
 def test_memory_does_not_grow_with_cases(tmp_path, monkeypatch) -> None:
-    """Of what is counted from files: four times the chunks need no more."""
+    """Statistics of four times as many chunks need no more memory."""
     monkeypatch.setattr(search_cases, "PAIRS_AT_ONCE", 5_000)
     monkeypatch.setattr(spread, "HELD", 500)
     kind, peaks = kind_of(parse(NARROW.replace("cases = 300", "cases = 100")), 7), []
@@ -299,10 +308,10 @@ def test_memory_does_not_grow_with_cases(tmp_path, monkeypatch) -> None:
     assert large < 1.7 * small
 
 
-# elsewhere
+# remote workers
 
 
-def test_a_task_is_text_and_numbers_and_gives_the_same_bytes() -> None:
+def test_remote_task_gives_the_same_bytes() -> None:
     kind = kind_of(parse(NARROW), 7)
     sent = pickle.loads(pickle.dumps(Task.of(kind)))
     answer = evaluate(sent, ((50, 100), (0, 50)))
@@ -315,7 +324,7 @@ def test_a_task_is_text_and_numbers_and_gives_the_same_bytes() -> None:
     assert line.endswith(", not 0.1; install the same versions on all machines")
 
 
-def test_what_a_worker_cannot_fly_is_said_as_here() -> None:
+def test_worker_reports_the_same_error() -> None:
     text = NARROW.replace('{ shell = ["50 m", "200 m"] }', '{ choice = ["1 2 3 m"] }')
     kind = kind_of(parse(text, "one.toml"), 7)
     with pytest.raises(ScenarioError) as here:
@@ -323,8 +332,8 @@ def test_what_a_worker_cannot_fly_is_said_as_here() -> None:
     assert evaluate(Task.of(kind), ((0, 10),)).refused == here.value.lines
 
 
-def test_files_that_a_scenario_names_go_with_the_task(tmp_path) -> None:
-    """States from a file, which no other machine has."""
+def test_remote_task_includes_named_files(tmp_path) -> None:
+    """A file of states is sent along."""
     (tmp_path / "states.csv").write_text(
         "craft,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s\nP,0,0,0,0,0,0\nQ,1,2,3,0,0,0\nR,10,0,0,0,0,0\n"
     )
@@ -349,7 +358,7 @@ def test_chunks_meet_without_a_gap() -> None:
     assert chunks.name_of(3) == "000000003.parquet"
 
 
-def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
+def test_ten_largest_cases_link_to_their_replays(desk, capsys) -> None:
     main(STUDY)
     summary = json.loads((desk / "out" / "summary.json").read_text())
     page = (desk / "out" / "report.html").read_text().partition("The ten largest")[2].partition("</table>")[0]

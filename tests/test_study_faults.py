@@ -1,4 +1,4 @@
-"""Studies under attack, real processes: nothing lost, nothing counted twice, every row as undisturbed."""
+"""Studies in killed processes and on full disks: rows equal those of an undisturbed study."""
 
 import os
 import re
@@ -28,7 +28,7 @@ STUDY = [*CLOSEFORM, "study", "s04.toml", "--cases", str(CASES), "--out", "out"]
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study that nobody disturbs."""
+    """Return the results of an undisturbed study."""
     place = tmp_path_factory.mktemp("original")
     lines = S04.read_text().splitlines(keepends=True)
     (place / "s04.toml").write_text("".join(line for line in lines if not line.startswith("sampled")))
@@ -70,12 +70,12 @@ def until(holds: Callable[[], object], patience: float = 60.0) -> None:
 
 
 def goes_on(kept: int) -> list[str]:
-    """What a study says of the chunks that are there, if there are some."""
+    """Return the reported number of finished chunks, if there are some."""
     return [f"out: continuing, {kept * (CASES // 40)} of {CASES} cases are complete"] if kept else []
 
 
 def said(err: str) -> list[str]:
-    """What a study says on standard error, but for how far it is, as one of more than half a minute tells."""
+    """Return the standard error of a study without its progress lines."""
     return [line for line in err.splitlines() if not FAR.fullmatch(line)]
 
 
@@ -85,7 +85,7 @@ def begun(desk: Path, *options: str) -> subprocess.Popen:
     )
 
 
-def test_a_study_that_is_killed_goes_on(original: Path, desk: Path) -> None:
+def test_killed_study_continues(original: Path, desk: Path) -> None:
     rng = np.random.default_rng(1)
     kept = 0
     for _ in range(KILLS):
@@ -150,7 +150,7 @@ def machines(desk: Path) -> Iterator[Machines]:
     found.end()
 
 
-def test_workers_that_are_killed_cost_time_alone(original: Path, desk: Path, machines: Machines) -> None:
+def test_killed_workers_change_no_result(original: Path, desk: Path, machines: Machines) -> None:
     rng = np.random.default_rng(2)
     study = begun(desk, "--scheduler", str(machines.file))
     kept = 0
@@ -168,8 +168,8 @@ def test_workers_that_are_killed_cost_time_alone(original: Path, desk: Path, mac
     same(original, desk)
 
 
-def test_an_answer_that_dies_with_its_worker_is_made_again(machines: Machines) -> None:
-    """A worker that is killed when it has flown a task, before its answer is fetched: no lost scheduler."""
+def test_lost_chunk_is_evaluated_again(machines: Machines) -> None:
+    """A worker is killed after evaluating a task, before its result is fetched."""
     with Cluster(str(machines.file)) as cluster:
         until(lambda: cluster.threads() == 2)
         future = cluster.client.submit(lambda: time.sleep(3.0) or "flown", pure=False)
@@ -185,7 +185,7 @@ def test_an_answer_that_dies_with_its_worker_is_made_again(machines: Machines) -
         assert cluster.answer(future) == "flown"
 
 
-def test_workers_that_all_die_before_a_fetch_are_missed(machines: Machines, monkeypatch) -> None:
+def test_loss_of_all_workers_is_detected(machines: Machines, monkeypatch) -> None:
     """After the patience that is stated, and it is not the scheduler that is blamed."""
     monkeypatch.setattr(cluster, "PATIENCE", 3.0)
     with Cluster(str(machines.file)) as client:
@@ -201,7 +201,7 @@ def test_workers_that_all_die_before_a_fetch_are_missed(machines: Machines, monk
         assert time.monotonic() - begin < 10.0
 
 
-def test_a_scheduler_that_is_killed_ends_in_a_line(original: Path, desk: Path, machines: Machines) -> None:
+def test_killed_scheduler_is_reported_in_one_line(original: Path, desk: Path, machines: Machines) -> None:
     rng = np.random.default_rng(3)
     kept = 0
     for _ in range(KILLS - 1):
@@ -224,8 +224,8 @@ def test_a_scheduler_that_is_killed_ends_in_a_line(original: Path, desk: Path, m
     same(original, desk)
 
 
-def test_certificates_are_passed_through(original: Path, desk: Path, monkeypatch) -> None:
-    """tls:// with an authority of our own: with its certificate the study is flown, without in a line not."""
+def test_certificates_are_used(original: Path, desk: Path, monkeypatch) -> None:
+    """tls:// with an own authority: the study runs with its certificate, and fails in one line without."""
     if shutil.which("openssl") is None:
         pytest.skip("needs openssl")
     make = [
@@ -258,7 +258,7 @@ def test_certificates_are_passed_through(original: Path, desk: Path, monkeypatch
         machines.end()
 
 
-def test_a_disk_that_fills(original: Path, desk: Path) -> None:
+def test_full_disk_keeps_finished_chunks(original: Path, desk: Path) -> None:
     """A file system of 60 MB; after it is made larger the same command goes on."""
     disk = desk / "disk"
     disk.mkdir()
@@ -279,7 +279,7 @@ def test_a_disk_that_fills(original: Path, desk: Path) -> None:
         subprocess.run(["umount", "--lazy", str(disk)], check=False)  # compiling may go on in it
 
 
-def test_a_file_that_may_not_grow(original: Path, desk: Path) -> None:
+def test_file_size_limit_keeps_finished_chunks(original: Path, desk: Path) -> None:
     """Where no file system can be filled: no file may be longer than 3 MB, a chunk is."""
     limits = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))  # noqa: E731
     study = subprocess.run(STUDY, cwd=desk, capture_output=True, text=True, preexec_fn=limits)

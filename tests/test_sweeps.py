@@ -1,4 +1,4 @@
-"""Sweeps: each point is the study of the file with its values, row for row; what cannot be swept says so."""
+"""Sweeps: each point equals the study of the file with its values; invalid sweeps are reported."""
 
 import json
 import re
@@ -51,13 +51,13 @@ def test_each_point_is_the_study_of_its_own_file(swept):
     assert swept.points[0].met_cases > swept.points[2].met_cases  # 20 deg of pointing error
 
 
-def test_the_command_of_a_point_can_be_pasted():
+def test_printed_command_of_a_point_is_valid():
     """A shell takes the name of the file as one word."""
     (hint,) = sweep_report(evaluated(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
     assert as_words(hint)[:7] == ["closeform", "run", "two words.toml", "--case", "K", "--point", "P"]
 
 
-def test_points_may_begin_within_chunks(swept, monkeypatch):
+def test_points_may_start_within_chunks(swept, monkeypatch):
     """Chunks of 128 of 4 x 300 cases: the third has cases of two points."""
     monkeypatch.setattr(SweepCases, "chunk_size", lambda kind, count: 128)
     kind = swept.kind
@@ -88,7 +88,7 @@ def test_each_point_of_missions_is_the_study_of_its_own_file(count):
         assert (point.met_cases, point.campaign.nearest) == (truth.met_cases, truth.nearest)
 
 
-def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys, swept):
+def test_command_writes_a_table_and_a_picture(tmp_path, monkeypatch, capsys, swept):
     monkeypatch.chdir(tmp_path)
     Path("swept.toml").write_text(ROBUST + SWEEP)
     assert main(["study", "swept.toml", "--cases", "300"]) == 1
@@ -143,7 +143,7 @@ def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys,
         ),
     ],
 )
-def test_what_cannot_be_swept_is_told(key, values, told):
+def test_invalid_sweeps_are_reported(key, values, told):
     with pytest.raises(ScenarioError, match=re.escape(told)) as refused:
         parse(f'{ROBUST}\n[study.sweep]\n"{key}" = {values}\n', "swept.toml", "study")
     assert len(refused.value.lines) == 1

@@ -265,7 +265,7 @@ def test_scattered_pairs_reach_their_distance(states, duration, factor, orbit):
     assert (now >= coasting * (1.0 - 1e-6)).all()
     scale = now / coasting
     np.testing.assert_allclose(scale, scale[0], rtol=1e-6)
-    # the least scale: one pair has just what was promised, or nobody moves
+    # the minimum scale: one pair has exactly the required distance, or no spacecraft moves
     assert (now / before).min() == pytest.approx(factor, rel=1e-9) or scale[0] == pytest.approx(1.0, rel=1e-6)
     np.testing.assert_allclose(final.mean(axis=0), coasted.mean(axis=0), atol=1e-6 * np.abs(coasted).max())
     # ever after the relative motion is that of coasting, enlarged

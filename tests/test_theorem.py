@@ -114,12 +114,12 @@ def test_lemma_1(half_angle, mops):
     search, draw, count = modified(half_angle), generator(3), 20_000
     start, end = {(n, k): (a, b) for n, k, a, b in search.phases}["mOPS", mops]
     first, last = directions_in_cone(draw, count, half_angle), directions_in_cone(draw, count, half_angle)
-    last *= np.sign(first[:, 2:] * last[:, 2:])  # in one cone: only the apex leads to the other
+    last *= np.sign(first[:, 2:] * last[:, 2:])  # in one cone: only the apex connects to the other
     sizes = 10.0 ** draw.uniform(0, 4, (2, count, 1))
     first, last = first * sizes[0], last * sizes[1]
     velocities = (last - first) / (end - start)
     legs = np.array([[leg.start, leg.end] for leg in search.legs if (leg.phase, leg.round) == ("mOPS", mops)])
-    # what was seen before does not matter here: locks of this mOPS alone
+    # locks of this mOPS alone
     alone = Search(
         search.sensor,
         RATE,

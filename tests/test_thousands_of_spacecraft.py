@@ -1,4 +1,4 @@
-"""Thousands of craft: nothing is kept that grows with the pairs, and the closest are found all the same."""
+"""Thousands of spacecraft: memory does not grow with the pairs, and the closest pairs are found."""
 
 import subprocess
 import sys
@@ -62,7 +62,7 @@ def test_memory_does_not_grow_with_pairs(command, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("spread", [(1.0, 1.0, 1.0), (0.0, 1.0, 0.02)], ids=["a cloud", "a string"])
-def test_the_closest_of_many_are_the_closest_of_all(spread, monkeypatch) -> None:
+def test_closest_pairs_agree_with_all_pairs(spread, monkeypatch) -> None:
     """All pairs of 400 craft one by one, and those that are looked for among them."""
     states = np.zeros((400, 6))
     states[:, :3] = np.random.default_rng(4).uniform(-3e3, 3e3, (400, 3)) * spread
@@ -85,7 +85,7 @@ def test_the_closest_of_many_are_the_closest_of_all(spread, monkeypatch) -> None
     assert (some.closest.first, some.closest.second) == (every.closest.first, every.closest.second)
 
 
-def test_pairs_of_a_zone_in_portions() -> None:
+def test_pairs_of_a_zone_by_portions() -> None:
     """Against a double loop."""
     own = [cf.Sphere(3.0), None, cf.Sphere(4.0), None, cf.Sphere(3.0), None]
     zones = PairZones.of(own, moves=[True, True, False, False, True, False])
@@ -102,7 +102,7 @@ def test_pairs_of_a_zone_in_portions() -> None:
         assert dict(rows) == expected
 
 
-def test_a_crowd_is_not_named_one_by_one(tmp_path, capsys) -> None:
+def test_long_lists_of_names_are_shortened(tmp_path, capsys) -> None:
     """Of 2000 craft in a cube of 2 m all two million pairs are wrong."""
     (tmp_path / "many.toml").write_text(scenario(2000, 1.0))
     assert main(["check", str(tmp_path / "many.toml")]) == 2
@@ -111,7 +111,7 @@ def test_a_crowd_is_not_named_one_by_one(tmp_path, capsys) -> None:
     assert "1999000 pairs in all start inside each other's zone; move one of them" in lines[-1]
 
 
-def test_lost_craft_at_one_place_are_named_once(tmp_path, capsys) -> None:
+def test_lost_spacecraft_at_one_position_are_named_once(tmp_path, capsys) -> None:
     """1000 at one place are half a million pairs."""
     count = 1000
     names = ", ".join(f'"L{k}"' for k in range(count))
@@ -124,7 +124,7 @@ def test_lost_craft_at_one_place_are_named_once(tmp_path, capsys) -> None:
     assert len(capsys.readouterr().err.splitlines()) == count - 1
 
 
-def test_the_table_of_many_approaches(tmp_path) -> None:
+def test_table_of_many_approaches(tmp_path) -> None:
     (tmp_path / "many.toml").write_text(scenario(600, 5e3))
     assert main(["run", str(tmp_path / "many.toml"), "--out", str(tmp_path / "results")]) == 0
     rows = pyarrow.parquet.read_table(tmp_path / "results" / "approaches.parquet").num_rows

@@ -82,7 +82,7 @@ def program(n: float, begin, end, duration: float, limit: float, sparing: bool, 
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
 @pytest.mark.parametrize("orbit", [ORBIT, DEEP], ids=["orbit", "deep space"])
 def test_convex_programs_agree_on_cost_and_feasibility(orbit, cost):
-    """Theirs hold thrust for 1/240 of the time: dearer by some 1e-4 of the cost, and never cheaper."""
+    """The programs hold thrust for 1/240 of the time, which costs some 1e-4 more and never less."""
     begins, ends, durations, free, limits = cases(5, 8, 0.6, 1.1, orbit)
     for begin, end, duration, limit in zip(begins, ends, durations, limits, strict=True):
         least = program(orbit.mean_motion, begin, end, duration, limit, cost == "delta-v")
@@ -96,7 +96,7 @@ def test_convex_programs_agree_on_cost_and_feasibility(orbit, cost):
 
 
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_paths_end_where_they_should_within_the_limit(cost):
+def test_paths_meet_their_ends_within_the_limit(cost):
     """Energy is never below the free optimum's, and delta-v never above that of the least energy."""
     begins, ends, durations, free, limits = cases(7, 60, 1.0, 3.0)
     limits[::2] *= 0.9 if cost == "energy" else 1.0
@@ -123,7 +123,7 @@ def test_paths_end_where_they_should_within_the_limit(cost):
 
 
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_an_integrator_flies_the_path(cost):
+def test_path_agrees_with_an_integrator(cost):
     """It is fed with `path.thrust`, arc by arc, as thrust jumps between them."""
     begins, ends, durations, _, limits = cases(11, 3, 0.9, 1.5)
     matrix = hill(ORBIT.mean_motion)
@@ -174,7 +174,7 @@ def test_more_thrust_never_costs_more():
     assert path.delta_v == pytest.approx(0.2, rel=2e-4)
 
 
-def test_mirrored_and_scaled_problems_have_mirrored_and_scaled_answers():
+def test_symmetries_of_mirroring_and_scaling():
     begins, ends, durations, free, _ = cases(17, 6, 1.0, 1.0)
     limits = free.peak_thrust * 1.05
     mirror, scale = np.array([1.0, 1, -1, 1, 1, -1]), 1e3
@@ -190,15 +190,15 @@ def test_mirrored_and_scaled_problems_have_mirrored_and_scaled_answers():
         np.testing.assert_allclose(back.delta_v, path.delta_v, rtol=1e-6)  # time runs backwards
 
 
-def test_a_limit_that_nothing_reaches_changes_nothing():
+def test_inactive_limit_changes_nothing():
     begins, ends, durations, free, _ = cases(19, 5, 1.0, 1.0)
     path = ORBIT.transfer(begins, ends, durations, 0.0, free.peak_thrust * 1.001)
     assert len(path.arcs) == 5
     np.testing.assert_allclose(path.energy, free.energy, rtol=1e-9)
 
 
-def test_the_bound_within_a_limit_is_that_of_its_primer():
-    """By weak duality from the primer alone: worth of what is gained, less U times what |p| exceeds 1 by."""
+def test_bound_within_a_limit_agrees_with_its_primer():
+    """Weak duality: the value of the transfer less the limit times the integral of max(|p| - 1, 0)."""
     begins, ends, durations, free, _ = cases(37, 6, 1.0, 1.0)
     limits = 1.5 * free.peak_thrust
     bound = cf.least_delta_v(ORBIT, begins, ends, durations, limits)
@@ -215,7 +215,7 @@ def test_the_bound_within_a_limit_is_that_of_its_primer():
         assert bound.lower[k] == pytest.approx(dual, rel=1e-7)
 
 
-def test_without_a_limit_the_least_delta_v_is_that_of_impulses():
+def test_infinite_limit_gives_impulses():
     begins, ends, durations, free, _ = cases(31, 3, 1.0, 1.0)
     least = ORBIT.transfer(begins, ends, durations, cost="delta-v")
     np.testing.assert_array_equal(least.delta_v, ORBIT.impulsive(begins, ends, durations).delta_v)
@@ -225,14 +225,14 @@ def test_without_a_limit_the_least_delta_v_is_that_of_impulses():
 
 
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_a_motion_that_needs_no_thrust_has_none(cost):
+def test_natural_motion_needs_no_thrust(cost):
     begin = bounded(np.random.default_rng(3))
     end = ORBIT.coast(begin, 2000.0).state(2000.0)
     path = ORBIT.transfer(begin, end, 2000.0, 0.0, 1e-6, cost)
     assert path.delta_v < 1e-10
 
 
-def test_batches_broadcast_and_name_who_cannot():
+def test_batches_broadcast_and_name_infeasible_members():
     begins, ends, durations, free, _ = cases(23, 4, 1.0, 1.0)
     limits = np.array([1.0, 2.0, 5.0])[:, None] * free.peak_thrust
     paths = ORBIT.transfer(begins, ends, durations, 10.0, limits, "delta-v")
@@ -245,8 +245,8 @@ def test_batches_broadcast_and_name_who_cannot():
     assert ORBIT.transfer(np.empty((0, 6)), ends[0], 10.0, 0.0, 1.0).shape == (0,)
 
 
-def test_conflicts_of_saturated_paths_meet_dense_samples():
-    """What is planned within a limit is searched like any path: with itself a moment later, with a coast."""
+def test_conflicts_of_saturated_paths_agree_with_dense_sampling():
+    """Conflicts with the same path a moment later and with a coast agree with dense samples."""
     begins, ends, durations, free, _ = cases(29, 2, 1.0, 1.0)
     path = ORBIT.transfer(begins[0], ends[0], 3000.0, 0.0, free.peak_thrust[0] * 30, "delta-v")
     other = ORBIT.coast(path.state(1500.0) * 1.01, 3000.0)
@@ -268,14 +268,14 @@ def test_conflicts_of_saturated_paths_meet_dense_samples():
         ({"cost": "fuel"}, 'cost: expected "energy" or "delta-v", got \'fuel\''),
     ],
 )
-def test_bad_input_is_named(arguments, named):
+def test_invalid_input_is_named(arguments, named):
     with pytest.raises(ValueError, match="^" + named):
         ORBIT.transfer(np.zeros((2, 6)), [100.0, 0, 0, 0, 0, 0], 600.0, **arguments)
 
 
 @pytest.mark.parametrize("limit", [0.1, 1.0, 10.0])
-def test_strong_motors(limit):
-    """Burns of seconds in transfers of an hour: hardly dearer than impulses, and within the limit."""
+def test_high_limits(limit):
+    """Burns of seconds in transfers of an hour cost little more than impulses."""
     orbit = cf.Orbit.circular(500e3)
     n, rng = orbit.mean_motion, np.random.default_rng(5)
     for _ in range(25):
@@ -292,7 +292,7 @@ def test_strong_motors(limit):
 
 
 @pytest.mark.parametrize(("factor", "seed"), [(3e3, 42), (1e5, 43)])
-def test_short_burns_cost_hardly_more_than_any_thrust_within_the_limit(factor, seed):
+def test_short_burns_cost_little_more_than_the_bound(factor, seed):
     """The bound from its primer alone, by sums, closer where craft burn; the end by matrix exponentials.
 
     The bound of impulses is below by half a burn at an end: by 5e-5 at 3000 times the peak.
@@ -325,8 +325,8 @@ def test_short_burns_cost_hardly_more_than_any_thrust_within_the_limit(factor, s
         assert np.abs(state - ends[k])[3:].max() < 1e-10
 
 
-def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
-    """Short burns that are too dear are left to another method; the next of the batch may be refused."""
+def test_burns_belong_to_their_spacecraft(monkeypatch):
+    """Costly short burns use another method; the next member of the batch may be infeasible."""
     begins, ends, durations, free, _ = cases(42, 12, 1.0, 1.0)
     limits = free.peak_thrust * np.tile([1100.0, 0.3], 6)
     monkeypatch.setattr("closeform.motion.minimum_delta_v.within_limit.WORST", -1.0)
@@ -338,7 +338,7 @@ def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
 
 @pytest.mark.parametrize("start", [0.0, 1e9])
 @pytest.mark.parametrize("limit", [1e3, 1e6, 1e12, 9.99e59])  # numbers must be below 1e60
-def test_burns_shorter_than_the_clock_tells_are_whole(limit, start):
+def test_shortest_burns_are_complete(limit, start):
     """Of m/s within fractions of a tick of the clock: neither the end nor the limit suffers from rounding."""
     begins, ends, durations, _, _ = cases(44, 6, 1.0, 1.0)
     free = ORBIT.impulsive(begins, ends, durations, start)

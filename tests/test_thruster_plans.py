@@ -278,7 +278,7 @@ def test_excessive_minimum_bit_is_reported():
     assert "minimum_bit" in move.reason
 
 
-def test_a_plan_that_costs_as_much_as_without_zones_is_clear():
+def test_plan_at_the_cost_without_zones_is_clear():
     """Of equally cheap optima one is in conflict, and BLAS kernels decide which one a solver finds."""
     task = passages.passage("one box", 16)
     path = task.orbit.impulsive(task.initial, task.final, task.duration)

@@ -128,7 +128,7 @@ def test_delay_is_compensated():
     path = formation(0.5)
     kept = cf.simulate(path, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=45.0))
     assert kept.greatest_deviation < 1e-3
-    long = ORBIT.coast(np.zeros(6), 40 * ORBIT.period)  # flown in several stretches
+    long = ORBIT.coast(np.zeros(6), 40 * ORBIT.period)  # simulated in several parts
     short = cf.simulate(long, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=25.0), navigation=SIGHT)
     assert short.greatest_deviation < 6.0 * cf.tube(ORBIT, cf.Feedback(60.0, 600.0, delay=25.0), SIGHT).noise
 
@@ -186,7 +186,7 @@ def test_margins_bound_impulse_errors_tightly(law):
     exact = cf.simulate(path, FIELD, feedback=law)
     aside = at(room, room.shift, flights.times) - deviations(path, exact)[0]
     assert np.abs(deviations(path, exact)).max() > 1.0  # m, by impulses changed for the field
-    assert np.abs(aside).max() < 0.25  # m, of what is known each 50 or 100 s
+    assert np.abs(aside).max() < 0.25  # m, known every 50 or 100 s
 
 
 @pytest.mark.parametrize("path", [formation(), kicked()], ids=["thrust", "impulses"])

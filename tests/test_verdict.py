@@ -1,4 +1,4 @@
-"""What a run comes to, limits beside clearance: on the terminal, in the summary, on the page, in Python."""
+"""Verdicts: conflicts and limits of thrust, delta-v and propellant, in output, summary, page and Python."""
 
 import json
 import re
@@ -43,7 +43,7 @@ within = "1000 s"
 """
 CLEAR = TWO.replace(" 3 m", " 25 m")  # by 5 m, on the direct path
 # Rest to rest over 200 m in 1000 s: thrust falls from 6 L / T^2 to its opposite, by which 3 L / 2 T are
-# gained to the middle, and lost again.
+# gained up to the middle, and lost again.
 PEAK, SPENT = 6.0 * 200.0 / 1000.0**2, 3.0 * 200.0 / 1000.0
 
 
@@ -52,7 +52,7 @@ def passing(limits: str, stage: str = "", text: str = TWO) -> str:
 
 
 def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
-    """Status, what is printed, the summary and the page in words, of a run without pictures."""
+    """Return the status, output, summary and page of a run without pictures."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("file.toml").write_text(text)
@@ -68,10 +68,10 @@ def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict,
         ('specific_impulse = "60 s"\npropellant = "50 g"', "propellant (A)", "propellant", "kg"),
     ],
 )
-def test_a_plan_beyond_what_there_is(
+def test_plan_beyond_budget_and_propellant(
     limits: str, words: str, what: str, unit: str, tmp_path, monkeypatch, capsys
 ) -> None:
-    """Clear, but not within its limit: status 1, and who and what is named everywhere."""
+    """Clear but beyond a limit: status 1, and spacecraft and limit are named."""
     status, printed, summary, page = run(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
     assert status == 1
     last = printed.splitlines()[-1]
@@ -91,7 +91,7 @@ def test_a_plan_beyond_what_there_is(
     assert [use.craft for use in mission.verdict.exceeded] == ["A"]
 
 
-def test_limits_that_are_kept_are_said_to_be(tmp_path, monkeypatch, capsys) -> None:
+def test_kept_limits_are_reported(tmp_path, monkeypatch, capsys) -> None:
     limits = 'max_thrust = "1 N"\ndelta_v_budget = "1 m/s"\nspecific_impulse = "60 s"\npropellant = "1 kg"'
     status, printed, summary, _ = run(passing(limits), tmp_path, monkeypatch, capsys)
     assert status == 0
@@ -106,8 +106,8 @@ def test_limits_that_are_kept_are_said_to_be(tmp_path, monkeypatch, capsys) -> N
 FELLOW = """meanwhile = [{ craft = "B", to = { position = "0 0 500 m", velocity = "0 0 0 m/s" } }]\n"""
 
 
-def test_a_fellow_beyond_its_thrust(tmp_path, monkeypatch, capsys) -> None:
-    """B's own transfer over 500 m needs 6 L / T^2, which no search for a way around lessens."""
+def test_other_spacecraft_beyond_its_thrust_limit(tmp_path, monkeypatch, capsys) -> None:
+    """B's own transfer over 500 m needs 6 L / T^2."""
     status, printed, summary, _ = run(passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys)
     assert status == 1
     assert printed.splitlines()[-1] == "limits are not kept: thrust (B); results in file-results"
@@ -119,8 +119,8 @@ def test_a_fellow_beyond_its_thrust(tmp_path, monkeypatch, capsys) -> None:
     assert float(told[3]) == pytest.approx(over["used"], rel=1e-5)
 
 
-def test_a_stage_that_stops_after_one_beyond_its_budget() -> None:
-    """What was flown before counts, with what made it stop."""
+def test_stopped_mission_reports_an_exceeded_budget() -> None:
+    """Stages executed before the stop count."""
     stage = passing('delta_v_budget = "0.3 m/s"') + TWO[TWO.index("\n[[stage]]") :].replace(
         "0 100 3", "0 5 3"
     )
@@ -132,26 +132,14 @@ def test_a_stage_that_stops_after_one_beyond_its_budget() -> None:
     assert mission.verdict.status == 1
 
 
-def test_many_craft_beyond_their_limits_are_counted() -> None:
+def test_many_exceeded_limits_are_counted() -> None:
     uses = [Use("thrust", "N", f"F{k}", 2.0, 1.0) for k in range(40)]
     verdict = Verdict(None, 0, 0, (*uses, Use("delta-v", "m/s", "F1", 2.0, 1.0)), False)
     assert str(verdict) == "limits are not kept: thrust (F0, F1, F2, 37 more), delta-v (F1)"
 
 
-@pytest.mark.parametrize(
-    ("conflicts", "pairs", "words"),
-    [
-        (1, 1, "1 conflict remains"),
-        (2, 1, "2 conflicts of 1 pair remain"),
-        (79, 15, "79 conflicts of 15 pairs remain"),
-    ],
-)
-def test_conflicts_and_pairs_are_both_counted(conflicts: int, pairs: int, words: str) -> None:
-    assert str(Verdict(None, conflicts, pairs, None, False)) == words
-
-
-def test_pairs_that_meet_again_and_again() -> None:
-    """Cross-track, B and C swing through A's zone twice an orbit, and through each other's once between."""
+def test_repeated_conflicts_of_a_pair() -> None:
+    """B oscillates cross-track through A's zone twice an orbit."""
     text = """\
 closeform = 1
 title = "Swings"
@@ -170,7 +158,7 @@ for = "12000 s"
 """
     mission = fly(parse(text))
     # z = 200 m cos(n t) is within 20 m of A around 1500, 4500, 7500, 10500 and 13500 s; the stages' edge at
-    # 1500 s cuts the first in two, which is one stay all the same
+    # 1500 s cuts the first in two, which counts as one conflict
     assert [len(result.after.conflicts) for result in mission.results] == [1, 5]
     assert conflicts_in(result.after for result in mission.results) == (5, 1)
     assert str(mission.verdict) == "5 conflicts of 1 pair remain"
@@ -178,8 +166,8 @@ for = "12000 s"
     assert (len(after["conflicts"]), after["pairs_in_conflict"]) == (5, 1)
 
 
-def test_many_conflicts_of_a_coast_are_summed_up() -> None:
-    """Ten craft swing through one place twice an orbit, all 45 pairs at once: 180 stays, a row for a pair."""
+def test_conflicts_of_a_coast_are_summed_up() -> None:
+    """All 45 pairs of ten spacecraft meet four times: 180 conflicts, a row for each pair."""
     names = ", ".join(f'"C{k}"' for k in range(10))
     swings = ", ".join(f'{{ palmer = "0 0 0 0 {200 + 100 * k} 0 m" }}' for k in range(10))
     text = f"""\
@@ -217,8 +205,8 @@ LONG = DEEP.coast(np.zeros(6), 1e5)
 
 
 @pytest.mark.parametrize(("n", "method"), [(0.0, "exact"), (1.1e-3, "exact"), (1.1e-3, "sauter-palmer")])
-def test_avoid_keeps_a_thrust_limit_by_taking_longer(n: float, method) -> None:
-    """Flown again by an integrator: the final state is reached, zone and thrust limit are kept."""
+def test_avoid_extends_the_duration_to_keep_a_thrust_limit(n: float, method) -> None:
+    """By an integrator, the final state is reached, and zone and thrust limit are kept."""
     orbit = cf.Orbit(n)
     path, rock = orbit.transfer(BEFORE, BEHIND, 1000.0), orbit.coast(np.zeros(6), 1e5)
     free = cf.avoid(path, rock, BALL, method)
@@ -244,7 +232,7 @@ def test_avoid_keeps_a_thrust_limit_by_taking_longer(n: float, method) -> None:
     assert kept.path.end < 1.25 * 1000.0
 
 
-def test_a_limit_that_is_kept_changes_nothing() -> None:
+def test_inactive_limit_changes_nothing() -> None:
     free = cf.avoid(PATH, LONG, BALL)
     kept = cf.avoid(PATH, LONG, BALL, max_acceleration=free.path.peak_thrust)
     assert kept.path.end == PATH.end
@@ -252,8 +240,8 @@ def test_a_limit_that_is_kept_changes_nothing() -> None:
     assert kept.measures == ()
 
 
-def test_a_clear_path_beyond_the_limit() -> None:
-    """Rest to rest in deep space keeps the limit from sqrt(6 L / limit) on, and not before."""
+def test_clear_path_beyond_the_limit() -> None:
+    """Rest to rest in deep space keeps the limit from a duration of sqrt(6 L / limit) on."""
     far = DEEP.coast([500.0, 0, 0, 0, 0, 0], 1e5)
     limit = 0.5 * PEAK
     kept = cf.avoid(PATH, far, BALL, max_acceleration=limit)
@@ -275,11 +263,11 @@ def test_a_clear_path_beyond_the_limit() -> None:
             {},
             "give more time, with obstacles and an orbit that are known beyond 1000 s",
         ),
-        (DEEP.coast(np.zeros(6), 1050.0), {}, "raise the limit"),  # not beyond what is known of the obstacle
+        (DEEP.coast(np.zeros(6), 1050.0), {}, "raise the limit"),  # within the known path of the obstacle
         (LONG, {"longer": False}, "allow longer, or give more time"),
     ],
 )
-def test_avoid_says_that_it_cannot(obstacle: cf.Path, arguments: dict, remedy: str) -> None:
+def test_avoid_reports_an_infeasible_limit(obstacle: cf.Path, arguments: dict, remedy: str) -> None:
     limit = 0.8 * PEAK
     weak = cf.avoid(PATH, obstacle, BALL, max_acceleration=limit, **arguments)
     assert weak.status == cf.Status.TOO_WEAK
@@ -302,12 +290,12 @@ def test_avoid_says_that_it_cannot(obstacle: cf.Path, arguments: dict, remedy: s
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, [1.0, 2.0], "much"])
-def test_limits_that_are_none(wrong) -> None:
+def test_invalid_limits_are_refused(wrong) -> None:
     with pytest.raises(ValueError, match=r"^max_acceleration: "):
         cf.avoid(PATH, LONG, BALL, max_acceleration=wrong)
 
 
-# the same in a file, which speaks of newtons
+# in scenarios, with limits in newtons
 
 MOVE = """
 [[stage]]
@@ -319,7 +307,7 @@ within = "1000 s"
 FORCE = 0.1  # N, of the 0.12 that the direct path needs
 
 
-def test_the_stage_takes_longer_and_says_so(tmp_path, monkeypatch, capsys) -> None:
+def test_stage_reports_its_extended_duration(tmp_path, monkeypatch, capsys) -> None:
     text = passing(f'max_thrust = "{FORCE} N"', FELLOW.replace("500 m", "-20 m"))
     status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
     assert status == 1  # as it is later than asked
@@ -337,7 +325,7 @@ def test_the_stage_takes_longer_and_says_so(tmp_path, monkeypatch, capsys) -> No
     assert re.search(r"peak thrust \[N\]", printed)
 
 
-def test_a_craft_that_coasts_goes_to_where_coasting_leads() -> None:
+def test_coasting_spacecraft_reaches_its_natural_end() -> None:
     """Without `to`: the way around ends where the craft would be by then, had it not burned."""
     text = passing('max_thrust = "0.03 N"').replace(
         'to = { position = "0 100 3 m", velocity = "0 0 0 m/s" }\n', ""
@@ -360,7 +348,7 @@ def test_a_craft_that_coasts_goes_to_where_coasting_leads() -> None:
     ],
     ids=["avoid", "reconfigure"],
 )
-def test_the_engine_is_too_weak_in_newtons(stage: str, tmp_path, monkeypatch, capsys) -> None:
+def test_weak_engine_is_reported_in_newtons(stage: str, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(f'max_thrust = "{FORCE} N"', stage, TWO[: TWO.index("[[stage]]")])
     status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
@@ -398,7 +386,7 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
     assert summary["propellant_kg"]["A"] == pytest.approx(100.0 - mass, rel=1e-12)
 
 
-# a study: in what share of its cases a run would end with status 0
+# studies: the share of cases whose run has status 0
 
 LOST = """\
 closeform = 1
@@ -460,9 +448,10 @@ def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
 
 
 @pytest.mark.parametrize("stage", ["gather", "lock"])
-def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsys) -> None:
-    """Case by case, flown alone by `run`: clear of zones, within budget and propellant."""
+def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, capsys) -> None:
+    """Each case is as clear and within its limits as its run."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = LOST.replace('do = "gather"', f'do = "{stage}"')
     Path("lost.toml").write_text(text)
     campaign = cf.study("lost.toml")
@@ -494,10 +483,10 @@ def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsy
     assert '<p class="verdict bad">' in page
 
 
-# pictures of a file's thrust
+# plots of thrust
 
 
-def test_thrust_is_drawn_in_newtons_where_the_file_speaks_of_them() -> None:
+def test_thrust_is_plotted_in_newtons_for_force_limits() -> None:
     text = passing('max_thrust = "1 N"')
     for scenario, unit, mass in ((text, "N", 100.0), (text.replace('max_thrust = "1 N"', ""), "m/s²", None)):
         report = RunReport(fly(parse(scenario)))
@@ -515,12 +504,12 @@ def test_thrust_is_drawn_in_newtons_where_the_file_speaks_of_them() -> None:
 
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, np.inf])
-def test_masses_that_are_none(mass: float) -> None:
+def test_invalid_masses_are_refused(mass: float) -> None:
     with pytest.raises(ValueError, match=r"^mass: "):
         cf.plots.thrust([PATH], ["path"], mass=mass)
 
 
-def test_no_path_is_looked_for_beyond_ten_orbits() -> None:
+def test_search_for_longer_times_ends_at_ten_orbits() -> None:
     """However weak the engine: what it would need in the ten orbits that were tried last."""
     orbit = cf.Orbit(1.1e-3)
     path, rock = orbit.transfer(BEFORE, BEHIND, 1000.0), orbit.coast(np.zeros(6), 1e9)

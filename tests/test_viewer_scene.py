@@ -1,4 +1,4 @@
-"""The scene of a mission: against the closed form, the contract with the page, and what others measure."""
+"""Scenes of the viewer against their schema, the closed form and independent measurements."""
 
 import json
 import re
@@ -52,7 +52,7 @@ def flown(text: str) -> Mission:
 
 
 @pytest.mark.parametrize("name", FLOWN)
-def test_scenes_are_what_the_contract_says(name: str) -> None:
+def test_scenes_follow_their_schema(name: str) -> None:
     assert fits(seen(name).record, "Scene")
     blocks = re.findall(r"\"at\": (\d+), \"rows\": (\d+)", str(seen(name).record).replace("'", '"'))
     assert all(int(at) <= len(seen(name).bytes) for at, _ in blocks)
@@ -60,7 +60,7 @@ def test_scenes_are_what_the_contract_says(name: str) -> None:
     assert "flown" in kinds
 
 
-def test_all_kinds_of_records_were_seen() -> None:
+def test_all_kinds_of_records_occur() -> None:
     """So that the contract is held against something: each list of a scene is filled in some example."""
     lists = [key for key, kind in fields("Scene").items() if kind.endswith("[]")]
     assert len(lists) > 12
@@ -71,7 +71,7 @@ def test_all_kinds_of_records_were_seen() -> None:
 
 
 @pytest.mark.parametrize("name", FLOWN)
-def test_cubic_pieces_are_as_near_to_the_closed_form_as_the_scene_says(name: str) -> None:
+def test_cubic_pieces_keep_their_stated_error(name: str) -> None:
     page, rng = seen(name), np.random.default_rng(13)
     flights = {result.number: result for result in mission(name).results}
     worst = 0.0
@@ -90,7 +90,7 @@ def test_cubic_pieces_are_as_near_to_the_closed_form_as_the_scene_says(name: str
 
 
 @pytest.mark.parametrize("name", ["swap_impulses", "cluster"])
-def test_flown_tracks_follow_each_other(name: str) -> None:
+def test_tracks_of_stages_are_continuous(name: str) -> None:
     page = seen(name)
     for craft in range(len(page.record["craft"])):
         ways = [t for t in page.record["tracks"] if t["kind"] == "flown" and t["craft"] == craft]
@@ -121,7 +121,7 @@ def test_impulses_have_the_velocities_before_and_after() -> None:
 
 
 @pytest.mark.parametrize("name", FLOWN)
-def test_delta_v_adds_up_to_what_craft_spent(name: str) -> None:
+def test_delta_v_adds_up_to_that_of_the_mission(name: str) -> None:
     page, spent = seen(name), mission(name).spent_of_each[0]
     curves = {one["craft"][0]: one for one in page.record["series"] if one["kind"] == "delta-v"}
     for craft, total in enumerate(spent):
@@ -134,7 +134,7 @@ def test_delta_v_adds_up_to_what_craft_spent(name: str) -> None:
 
 
 def test_thrust_integrates_to_the_delta_v() -> None:
-    """Linear between its rows: to the 1e-3 that nobody sees."""
+    """Interpolate linearly between rows, to an invisible 1e-3."""
     page = seen("cluster")
     thrust = page.record["thrusts"][0]
     time, *push = page.rows(thrust["rows"]).T.astype(float)
@@ -145,7 +145,7 @@ def test_thrust_integrates_to_the_delta_v() -> None:
     assert size.max() == pytest.approx(thrust["peak"], rel=1e-6)
 
 
-def test_nobody_thrusts_between_two_burning_stages() -> None:
+def test_no_thrust_between_two_burning_stages() -> None:
     """F8 of the cluster does in the second of three stages."""
     page = seen("cluster")
     (curve,) = (one for one in page.record["series"] if one["kind"] == "thrust")
@@ -157,7 +157,7 @@ def test_nobody_thrusts_between_two_burning_stages() -> None:
 
 
 @pytest.mark.parametrize("name", FLOWN)
-def test_curves_of_pairs_touch_their_certified_least(name: str) -> None:
+def test_ratio_curves_reach_their_certified_minimum(name: str) -> None:
     page = seen(name)
     curves = {tuple(one["craft"]): one for one in page.record["series"] if one["kind"] == "ratio"}
     for near in page.record["approaches"][:20]:
@@ -169,7 +169,7 @@ def test_curves_of_pairs_touch_their_certified_least(name: str) -> None:
         assert values[inside].min() == pytest.approx(near["ratio"], rel=1e-5)
 
 
-def test_zones_of_pairs_are_those_of_the_scenario() -> None:
+def test_pairs_have_the_zones_of_the_scenario() -> None:
     for name in FLOWN:
         page, zones = seen(name).record, mission(name).scenario.zones
         table = page["pairs"]
@@ -195,7 +195,7 @@ ZONES = {
 
 
 @pytest.mark.parametrize("zone", ZONES.values(), ids=ZONES)
-def test_solids(zone: cf.Zone) -> None:
+def test_solids_of_zones(zone: cf.Zone) -> None:
     """`axes` takes the unit shape to the surface; a mesh is closed, turned outwards, as large as its hull."""
     found = record(zone)
     axes, norm = np.reshape(found["axes"], (3, 3)), np.reshape(found["norm"], (3, 3))
@@ -253,7 +253,7 @@ def test_sets_and_locks_of_a_gathering() -> None:
         assert after[lock["first"]] == after[lock["second"]] >= 0
 
 
-def test_drifts_come_as_near_as_certified() -> None:
+def test_drifts_have_their_certified_closest_approach() -> None:
     page, orbit = seen("passive_inspector"), mission("passive_inspector").orbit
     scenario = mission("passive_inspector").scenario
     drawn = [one for one in page.record["failures"] if one["track"] >= 0]
@@ -287,7 +287,7 @@ def test_tubes_are_the_covariances() -> None:
         assert rows[-1, 1] == pytest.approx(natural[0, 0], rel=0.5)  # thrust's errors are the smaller part
 
 
-def test_events_are_in_order_and_say_what_happened() -> None:
+def test_events_are_in_order_with_descriptions() -> None:
     events = seen("cluster").record["events"]
     assert [one["time"] for one in events] == sorted(one["time"] for one in events)
     texts = [one["text"] for one in events]
@@ -300,7 +300,7 @@ def test_events_are_in_order_and_say_what_happened() -> None:
     assert any("the formation set begins" in text for text in locks)
 
 
-def test_a_plan_that_failed_is_shown_and_is_not_flown() -> None:
+def test_failed_plan_is_shown_but_not_executed() -> None:
     """Its conflicts are those of the direct paths; nothing is spent in it."""
     text = (EXAMPLES / "cluster.toml").read_text()
     weak = flown(text.replace('max_thrust = "0.5 N"', 'max_thrust = "1 uN"'))
@@ -319,7 +319,7 @@ HOSTILE = ("</script><script>x()", "'\"&<!--", "\u05d0\u05d1 1 - 2", "\U0001f6f0
 TITLE = "</SCRIPT ><b onload='x()'> &lt; \u05d0\u05d1"
 
 
-def test_names_are_text_whatever_they_are() -> None:
+def test_names_are_escaped() -> None:
     names = f"[{', '.join(map(quoted, HOSTILE))}]"
     places = '["0 0 0 m", "50 0 0 m", "100 0 0 m", "150 0 0 m"]'
     toml = f"""closeform = 1
@@ -346,11 +346,11 @@ for = "10 min"
 
 
 def quoted(name: str) -> str:
-    """A string of TOML."""
+    """Return a TOML string."""
     return '"' + "".join(f"\\U{ord(letter):08x}" for letter in name) + '"'
 
 
-def test_page_is_one_file_that_asks_for_nothing() -> None:
+def test_page_is_one_file_without_network() -> None:
     shown, pictures = Shown.of_mission(mission("cluster")), [("stage-2-thrust.png", "Thrust")]
     page = document(scene_of(shown, pictures, "report.html"))
     parts = Parts(page)
@@ -367,15 +367,15 @@ def test_page_is_one_file_that_asks_for_nothing() -> None:
     assert policy.startswith("default-src 'none'; ")
 
 
-def test_same_mission_same_bytes() -> None:
+def test_equal_missions_give_equal_bytes() -> None:
     again = cf.run(EXAMPLES / "cluster.toml")
     assert document(scene_of(Shown.of_mission(again))) == document(
         scene_of(Shown.of_mission(mission("cluster")))
     )
 
 
-def test_a_day_of_eight_craft_is_small() -> None:
-    """Below what the page of a plan may weigh with its script; an hour of five craft, too."""
+def test_day_of_eight_spacecraft_is_small() -> None:
+    """The page stays below the size limit with its script, also for an hour of five spacecraft."""
     text = (EXAMPLES / "cluster.toml").read_text()
     assert text.count('for = "1 orbit"') == 1
     day = flown(text.replace('for = "1 orbit"', 'for = "1360 min"'))
@@ -384,8 +384,8 @@ def test_a_day_of_eight_craft_is_small() -> None:
     assert len(document(scene_of(Shown.of_mission(mission("find_then_fly"))))) < 1_500_000
 
 
-def test_a_crowd_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And says why; few are a crowd here, so that the test is quick."""
+def test_large_formations_are_shown_as_stills(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page states why; the threshold is low here, which makes the test quick."""
     monkeypatch.setattr("closeform.viewer.page.MOST", 7)
     parts = Parts(document(scene_of(Shown.of_mission(mission("cluster")))))
     assert parts.scripts == {}
@@ -400,9 +400,7 @@ def test_scene_has_the_epoch_in_utc() -> None:
     assert seen("cluster").record["epoch"] is None
 
 
-def test_study_links_its_worst_cases_to_their_replays(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_study_links_its_worst_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With another seed than the file's, which a replay has to keep."""
     place, options = tmp_path / "study", ["--cases", "300", "--seed", "5"]
     main(["study", str(EXAMPLES / "h03.toml"), *options, "--out", str(place)])
@@ -427,9 +425,10 @@ def test_study_links_its_worst_cases_to_their_replays(
 
 
 def test_screened_ephemerides_and_messages_have_a_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """GRACE's two in samples, whose thrust nobody knows; in UTC, while the files are in GPS time."""
+    """The two GRACE spacecraft in samples, without known thrust; in UTC, from files in GPS time."""
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     files = [str(EXAMPLES / "grace" / f"GRACE-{letter}.oem") for letter in "AB"]
     options = ["--ellipsoid", "20 40 20 m", "--out", str(tmp_path / "screen")]
     assert main(["screen", *files, *options]) == 0

@@ -61,7 +61,7 @@ def test_zero_crossings_miss_a_drifting_spacecraft():
     assert conflict.ratio == pytest.approx(-peak / 40, abs=1e-9)
 
 
-def test_a_start_on_the_surface_is_no_conflict_of_the_whole_path():
+def test_start_on_the_surface_is_no_conflict():
     for speed in (0.01, -0.01):
         leaving = ORBIT.coast([np.sign(speed) * 20.0, 0.0, 0.0, speed, 0.0, 0.0], 100.0)
         for one in cf.find_conflicts(leaving, REST, ZONES[0], method="sauter-palmer"):
@@ -99,7 +99,7 @@ def test_conflicts_of_250_orbits_are_found():
         (REST, ZONES[0], {"method": "nearest"}, "method: must be 'exact' or 'sauter-palmer'"),
     ],
 )
-def test_paths_that_the_paper_does_not_cover_are_refused(path, zone, changed, words):
+def test_unsupported_paths_are_refused(path, zone, changed, words):
     with pytest.raises(ValueError, match=words) as raised:
         cf.find_conflicts(path, path, zone, **{"method": "sauter-palmer", **changed})
     assert "\n" not in str(raised.value)

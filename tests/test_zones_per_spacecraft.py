@@ -15,6 +15,8 @@ from closeform.scenario import ScenarioError, parse
 from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.pair_zones import all_made
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SPACE = cf.Orbit(0.0)
 COVARIANCE = np.diag([25.0, 400.0, 25.0])  # sigma 5, 20 and 5 m
 PLACE = np.array([18.75, 0.0, 0.0])  # 1.25 times three sigmas of one, 0.884 of both
@@ -397,7 +399,7 @@ def test_zones_made_on_demand(kind: str) -> None:
     count, paths = 70, crowd(70)
     own = different_zones(count, kind)
     pairs = cf.PairZones.of(own)
-    assert len(pairs.zones) == 0  # nobody has asked
+    assert len(pairs.zones) == 0  # none was requested
     found = cf.screen(paths, pairs)
     assert len(found) > 5
     assert len(pairs.zones) < count * (count - 1) // 8

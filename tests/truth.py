@@ -341,7 +341,7 @@ class Relative:
 
 
 def faults(relative, extrema, conflicts):
-    """What is wrong with the conflicts [(start, end, time, ratio), ...] of each pair: lists of words.
+    """Return the faults of the conflicts [(start, end, time, ratio), ...] of each pair as texts.
 
     Outside of all stays no norm may be below 1, inside none above 1, every start and end within
     the common time must be on the surface, each to 1e-12 and rounding; the least ratio to 1e-9.

@@ -1,4 +1,4 @@
-"""Independent truth for searches: the papers' turns, one after the other; nothing uses the package.
+"""Independent truth for searches: the papers' turns, in sequence; nothing here uses the package.
 
 Each group has its own turns about its own body axes, as S04 figure 4 and H03 figure 5 give them:
 about the body's y they have opposite signs in the two groups, about the sun line they are the same.
@@ -85,7 +85,7 @@ class Turning:
 
 
 def margin(boresight, position, half_angle, offset=0.0, longest=inf):
-    """What is missing to a lock [m], positive where there is none, and the length |q| it is relative to.
+    """Return the distance from a lock [m], positive if there is none, and its reference length |q|.
 
     Arrays (..., 3); the sensors sit at an offset along the two boresights.
     """
