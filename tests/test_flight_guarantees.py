@@ -187,6 +187,44 @@ def test_verdicts_on_loss_of_thrust_hold_for_integrated_drifts(orbit):
     assert len(set(verdicts)) == 2
 
 
+def test_an_impulse_that_is_fired_in_part_leads_inside_between_two_clear_drifts():
+    types, functions = core()
+    chief = chief_of(CIRCLE, circular=True)
+    first = CIRCLE.coast([-400.0, 44.0, 50.0, 4.0, 0.0, 0.0], 20.0)
+    target = CIRCLE.coast(np.zeros(6), 300.0)
+    found, verdicts = types.new("cff_drift_t *"), []
+    for push in (0.1, -0.6, -1.25):
+        after = first.state(20.0) + [0.0, 0.0, 0.0, 0.0, 0.0, push]
+        path = cf.join([first, CIRCLE.coast(after, 20.0, start=20.0)])
+        (one, _one), (two, _two) = path_of(path, chief), path_of(target, chief)
+        assert (
+            functions.cff_loss_of_thrust(one, two, zone_of(ZONE), 0.0, 300.0, 10**6, found)
+            == functions.CFF_OK
+        )
+        drifts = [
+            CIRCLE.coast(first.state(20.0) + [0, 0, 0, 0, 0, share * push], 280.0, start=20.0)
+            for share in np.linspace(0.0, 1.0, 41)
+        ]
+        inside = [len(cf.find_conflicts(drift, target, ZONE)) > 0 for drift in drifts]
+        assert (found.verdict == functions.CFF_SAFE) == (not any(inside))
+        verdicts.append((inside[0], any(inside), inside[-1]))
+        assert found.verdict == functions.CFF_SAFE or found.failure_s == 20.0
+    assert (False, True, False) in verdicts
+
+
+def test_thrust_is_that_of_the_package():
+    types, functions = core()
+    out = types.new("double[3]")
+    for path in (
+        CIRCLE.burn(np.zeros(6), [1e-3, -2e-3, 5e-4], 900.0, frame="inertial"),
+        CIRCLE.transfer(np.zeros(6), [50.0, 20.0, 10.0, 0, 0, 0], 900.0),
+    ):
+        one, _one = path_of(path, chief_of(CIRCLE))
+        for t in (0.0, 333.0, 900.0):
+            assert functions.cff_thrust_at(one, t, out) == functions.CFF_OK
+            assert list(out) == pytest.approx(path.thrust(t), rel=1e-9, abs=1e-15)
+
+
 def test_bad_numbers_are_refused_and_leave_the_answer_unchanged():
     types, functions = core()
     chief = chief_of(CIRCLE)
