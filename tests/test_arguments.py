@@ -38,7 +38,6 @@ TABLE = cf.Ephemeris(
     np.array([0.0, 60.0]),
     np.array([CHIEF, [6985270.0, 451800.0, 0, -487.8, 7530.3, 0]]),
 )
-ZONES = cf.PairZones.of([BALL, None, BALL])
 SIX = cf.Thrusters.rtn(acceleration=1.0, period=90.0)
 GATHERED = cf.gather(SEARCH, PLACES, SPEEDS)
 KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)

@@ -245,7 +245,6 @@ def number_of(start, text=SLOW, after=0):
     return next(k for k, line in enumerate(lines, 1) if k > after and line.startswith(start))
 
 
-SECOND = number_of("OBJECT = OBJECT2")
 DAMAGE = {
     "empty": (lambda text: "", "empty file; give a CDM in key-value or XML form"),
     "not a CDM": (lambda text: "a,b\n1,2\n", "line 1: not a CDM, which starts with CCSDS_CDM_VERS"),

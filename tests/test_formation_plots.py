@@ -17,9 +17,6 @@ ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion
 END = 1000.0
 BALL = cf.Sphere(15.0)
-UNITS = ((1.0, "N"), (1e-3, "mN"), (1e-6, "µN"), (1e-9, "nN"))
-DIRECTIONS = ["radial", "along-track", "cross-track"]
-PLANES = {"radial": [1, 0], "cross-track": [1, 2]}  # components to the right and upwards
 
 
 def straight(count, seed=5, spread=150.0, miss=12.0):

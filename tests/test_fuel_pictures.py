@@ -1,13 +1,11 @@
 """Pictures of the delta-v of missions agree with the results."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import closeform as cf
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 ORBIT = cf.Orbit.circular(500e3)
 HOP = ORBIT.impulsive([0, -2000, 30, 0, 0, 0], [0, -100, 0, 0.01, 0, 0.02], 1.3 * ORBIT.period)
 

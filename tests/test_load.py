@@ -16,7 +16,6 @@ from scenarios import GOOD, LOST
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 SHORT = LOST.replace("cases = 100", "cases = 5")
 
 

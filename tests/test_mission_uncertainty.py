@@ -258,11 +258,8 @@ def test_study_counts_agree_with_the_probability(tmp_path, monkeypatch, capsys) 
     assert few.met["free of collisions"].tolist() == cases["free_of_collisions"][:100]
     inside = np.array(cases["zone_entries"]) + np.array(cases["zone_began"]).sum(axis=1)
     assert f"--case {int(inside.argmax())} shows the one with most entries" in printed
-    for case in (3, int(inside.argmax())):
-        assert main(["run", "a.toml", "--case", str(case), "--overwrite", "--no-viewer"]) == (
-            inside[case] > 0
-        )
-        assert "with the errors of this case" in capsys.readouterr().out
+    assert main(["run", "a.toml", "--case", str(inside.argmax()), "--overwrite", "--no-viewer"]) == 1
+    assert "with the errors of this case" in capsys.readouterr().out
 
 
 def test_study_locks_its_folder_before_planning(tmp_path, monkeypatch) -> None:

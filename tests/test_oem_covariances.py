@@ -27,7 +27,6 @@ ROWS = """\
 -3.9936000e-07 -1.0240000e-07 1.5360000e-08 2.0480000e-11 5.2428800e-10
 1.5360000e-08 2.5600000e-08 -1.0240000e-07 1.0240000e-11 -2.0480000e-11 4.1943040e-10
 """
-NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 MATRIX = np.zeros((6, 6))
 MATRIX[np.tril_indices(6)] = [float(value) for value in ROWS.split()]
 MATRIX = 1e6 * (MATRIX + np.tril(MATRIX, -1).T)  # m^2, m^2/s, m^2/s^2

@@ -122,7 +122,7 @@ def test_minimum_delta_v_plan_consists_of_its_pulses(bit):
 
 def test_excessive_minimum_bit_is_refused_with_a_reason(monkeypatch):
     """Within the transfer, a thruster of 1 mm/s^2 gives less than 6 m/s."""
-    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 1e6)  # of 9e7
+    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 4e6)  # of 9e7
     result = fly(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
     assert result.end - result.start < 6000.0
     assert not result.flown

@@ -3,7 +3,6 @@
 import io
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from closeform.report.run import RunReport
 from closeform.scenario.load import parse
 from closeform.storage.result_folder import Folder
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 ORBIT = cf.Orbit.circular(500e3)
 DEEP = cf.Orbit(0.0)
 N = ORBIT.mean_motion
@@ -64,7 +62,6 @@ PICTURES = {
     "distribution": lambda names: plots.distribution([*LATE, np.nan], "delta-v of all craft [m/s]"),
 }
 STAGE = 'Stage 12 "around and back again": reconfigure failed: thrust limit exceeded; these are direct paths'
-PLAIN = [f"F{k}" for k in range(1, 13)]
 
 
 def written(figure):

@@ -33,8 +33,10 @@ PARTS = {
     "Covariances",
 }
 PARTS |= {"Ephemeris"}  # inertial states of one object; `common_frame` makes relative ones
-# one of each kind
+# one of each class; three kinds of paths
+SIMILAR = {"one craft", "list of paths", "Firing of two"}
 DRAWN = [*{name.split()[-1]: name for name in NAMES if name.split()[-1] not in PARTS}.values()]
+DRAWN = [name for name in DRAWN if name not in SIMILAR]
 
 
 def pixels(figure: Figure) -> Any:
