@@ -11,7 +11,7 @@ import numpy as np
 import closeform as cf
 from closeform.campaign import evaluated
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 
 STUDY = """\
@@ -288,7 +288,7 @@ def answers() -> dict[str, Any]:
     }
     swap = low.orbit, craft, craft[[1, 0, 2]], 200.0, ball
     found["FittedMargin"] = cf.fit_margin(lambda margin: cf.reconfigure(*swap, margin=margin), field, ball)
-    mission = fly(parse(STUDY, "study.toml", "run"))
+    mission = plan_mission(parse(STUDY, "study.toml", "run"))
     errors, locked = (
         evaluated(parse(STUDY, "study.toml", "study")),
         evaluated(parse(LOCKS, "locks.toml", "study")),

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.report.sections import moves
 from closeform.scenario import ScenarioError, parse
@@ -43,7 +43,9 @@ START = np.array([10.0, -900.0, 30.0, 0.0, 0.02, 0.0])
 
 
 def mission(do, cost, phase="", to=ELLIPSE):
-    return fly(parse(FILE.replace("DO", do).replace("COST", cost).replace("TO", to.replace("PHASE", phase))))
+    return plan_mission(
+        parse(FILE.replace("DO", do).replace("COST", cost).replace("TO", to.replace("PHASE", phase)))
+    )
 
 
 def lines(flown):
@@ -156,7 +158,7 @@ def test_cheapest_phase_avoids_an_occupied_place():
         .replace("COST", "energy")
         .replace("DO", "avoid")
     )
-    flown = fly(parse(third))
+    flown = plan_mission(parse(third))
     assert flown.clear, flown.stopped
     apart = flown.results[0].after.path("Inspector").state(DURATION)[:3] - end[:3]
     assert 20.0 < np.linalg.norm(apart) < 25.0  # no farther than necessary
@@ -175,9 +177,9 @@ def test_cheapest_phase_avoids_an_unsafe_drift():
         .replace("COST", "energy")
         .replace("DO", "avoid")
     )
-    without = fly(parse(third)).results[0].after.path("Inspector").state(DURATION)
+    without = plan_mission(parse(third)).results[0].after.path("Inspector").state(DURATION)
     assert np.linalg.norm(without - end) < 1e-6  # clear within this stage
-    flown = fly(parse(third + 'drift = "0.5 orbits"\n'))
+    flown = plan_mission(parse(third + 'drift = "0.5 orbits"\n'))
     assert flown.clear, flown.stopped
     (result,) = flown.results
     own, other = (result.after.path(name).state(DURATION) for name in ("Inspector", "Third"))
@@ -190,7 +192,7 @@ def test_relative_orbit_as_goal_of_meanwhile():
     text = FILE.replace("DO", "avoid").replace("COST", "energy")
     text = text.replace("TO", '{ position = "0 -300 0 m", velocity = "0 0 0 m/s" }')
     to = ELLIPSE.replace("PHASE", ', phase = "cheapest"').replace("5 m", "600 m")
-    flown = fly(parse(f'{text}meanwhile = [{{ craft = "Target", to = {to} }}]\n'))
+    flown = plan_mission(parse(f'{text}meanwhile = [{{ craft = "Target", to = {to} }}]\n'))
     assert flown.clear, flown.stopped
     assert "Target arrives on the safety ellipse" in "\n".join(lines(flown))
 

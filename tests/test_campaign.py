@@ -28,7 +28,7 @@ from closeform.cli.app import main
 from closeform.cli.console import WIDTH
 from closeform.cli.study import report_of
 from closeform.confidence import estimate
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.report.study import by_detection, command
 from closeform.scenario import Scenario, ScenarioError, load, parse
@@ -349,7 +349,7 @@ def test_printed_commands_are_valid_shell_words(file) -> None:
     (hint,) = report.hint
     assert as_words(hint)[:5] == run
     assert as_words(command(campaign, f"case {case}")) == run
-    for one, told in ((RunReport(fly(case_of(scenario, case))).repeat, run), (report.repeat, study)):
+    for one, told in ((RunReport(plan_mission(case_of(scenario, case))).repeat, run), (report.repeat, study)):
         assert as_words(one(None).section(()).tables[0].rows[0][1]) == told
 
 
@@ -418,7 +418,7 @@ def test_delta_v_of_gatherings_by_cause_and_phase() -> None:
     }
     spent: dict[str, list[float]] = {name: [] for name in words.values()}
     for case in range(60):
-        one = fly(case_of(campaign.scenario, case)).results[0].result
+        one = plan_mission(case_of(campaign.scenario, case)).results[0].result
         assert isinstance(one, Gathering)
         if not one.ok:
             continue
@@ -607,7 +607,7 @@ def test_cases_of_imperfect_searches_equal_their_runs() -> None:
     scenario = load(EXAMPLES / "robustness.toml")
     assert 0.01 < len(campaign.failed) / 4000 < 0.2
     for case in [*range(6), *campaign.failed[:3].tolist()]:
-        flown_alone = fly(case_of(scenario, case)).results[0].result.locks
+        flown_alone = plan_mission(case_of(scenario, case)).results[0].result.locks
         np.testing.assert_array_equal(flown_alone.time, campaign.pair_time[case])
         np.testing.assert_array_equal(flown_alone.leg, campaign.pair_leg[case])
 
@@ -626,7 +626,7 @@ def test_cases_of_imperfect_gatherings_equal_their_runs() -> None:
     campaign, perfect = evaluated(scenario, 60), evaluated(parse(GATHERING), 60)
     assert isinstance(campaign, GatherCampaign)
     for case in range(12):
-        one = fly(case_of(scenario, case)).results[0].result
+        one = plan_mission(case_of(scenario, case)).results[0].result
         assert campaign.left[case] == (0 if one.ok else 3 - len(one.sets[0]) if one.sets else 3)
         assert campaign.delta_v[case] == pytest.approx(one.delta_v.sum(), rel=1e-12)
         if one.ok:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from chiefs import MU, linear_matrix
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.motion.chief.oblate_or_supplied import frames, gravity
 from closeform.scenario import ScenarioError, parse
 
@@ -22,7 +22,7 @@ COVARIANCE = 'covariance = { position = "1 1 1 m", velocity = "1 1 1 mm/s" }'
 
 
 def planned(text):
-    return fly(parse(text))
+    return plan_mission(parse(text))
 
 
 def test_a_mission_beside_an_eccentric_chief_is_planned_in_its_motion():

@@ -404,7 +404,7 @@ def test_control_characters_are_not_printed(tmp_path, monkeypatch, capsys) -> No
     ("example", "old", "new", "key"),
     [
         ("cluster", 'altitude = "500 km"', 'altitude = "600 m"', "orbit.altitude"),
-        ("flown_cases", 'velocity = "0 0 0 m/s"\nkeep', 'velocity = "0 7 0 km/s"\nkeep', "7000 m/s"),
+        ("simulated_cases", 'velocity = "0 0 0 m/s"\nkeep', 'velocity = "0 7 0 km/s"\nkeep', "7000 m/s"),
     ],
 )
 def test_doubtful_scenario_gives_one_warning(example, old, new, key, tmp_path, capsys):

@@ -75,10 +75,10 @@ def test_message_delays(seed):
     count = task.count
     prompt = by_messages(problem, range(count))
     slow = by_messages(problem, range(count), delays=5)
-    assert prompt.flown is not None
-    assert slow.flown is not None
-    np.testing.assert_array_equal(prompt.flown[0], slow.flown[0])
+    assert prompt.trajectories is not None
+    assert slow.trajectories is not None
+    np.testing.assert_array_equal(prompt.trajectories[0], slow.trajectories[0])
     delays = np.random.default_rng(seed).integers(1, 7, (count, count))
     found = by_messages(problem, range(count), delays=delays)
-    assert found.flown is not None
-    assert problem.conflicts(found.flown) == []
+    assert found.trajectories is not None
+    assert problem.conflicts(found.trajectories) == []

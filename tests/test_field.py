@@ -246,7 +246,7 @@ def test_prediction_at_an_eccentricity_of_one_percent(seed):
     real = cf.simulate(path, cf.Field(wide), "open", cancel=False, zones=zone)
     assert found.ends.max() > 10.0
     assert found.ends == pytest.approx(real.ends[0], rel=0.01)
-    assert 100.0 * found.flown == pytest.approx(100.0 * real.ratios[0], abs=0.1)
+    assert 100.0 * found.simulated == pytest.approx(100.0 * real.ratios[0], abs=0.1)
 
 
 def test_predicted_closest_approach():
@@ -261,10 +261,10 @@ def test_predicted_closest_approach():
     off = [np.interp(times, found.times, (found.deviations[0] - found.deviations[1])[:, k]) for k in range(3)]
     places = plan.paths.position(times)
     dense = zone.norm(places[0] - places[1] + np.stack(off, axis=1)).min()
-    assert found.flown == pytest.approx([dense], abs=2e-4)
+    assert found.simulated == pytest.approx([dense], abs=2e-4)
     assert len(found.lines) == 2
     zones = cf.PairZones.of([zone, None])
-    assert cf.validity(plan, cf.Field(chief()), zones).flown == pytest.approx(found.flown)
+    assert cf.validity(plan, cf.Field(chief()), zones).simulated == pytest.approx(found.simulated)
 
 
 @pytest.mark.parametrize(
@@ -303,7 +303,7 @@ def test_predicted_closest_approach_with_jumps_of_thrust(zone, kind):
 
     pairs = found.pairs.tolist()
     assert found.planned == pytest.approx([least(*pair, 0.0) for pair in pairs], abs=1e-5)
-    assert found.flown == pytest.approx([least(*pair, 1.0) for pair in pairs], abs=1e-5)
+    assert found.simulated == pytest.approx([least(*pair, 1.0) for pair in pairs], abs=1e-5)
 
 
 def test_limit_and_columns_of_compensated_thrust():

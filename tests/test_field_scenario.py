@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from closeform.cli.app import main
 from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
 from field_scenario import AIR, swap
 from test_field import axes_of, textbook
@@ -43,7 +43,7 @@ def flown_apart(path: cf.Path, field: cf.Field, times: np.ndarray) -> np.ndarray
 
 
 def test_predicted_violation_is_in_the_verdict():
-    mission = fly(parse(swap()))
+    mission = plan_mission(parse(swap()))
     (stage,) = mission.results
     times = np.linspace(0.0, stage.end, 801)
     flown = flown_apart(stage.after.paths, mission.scenario.field, times)
@@ -51,13 +51,13 @@ def test_predicted_violation_is_in_the_verdict():
     assert stage.validity.ends == pytest.approx(off, rel=0.02)  # 2 m
     least = np.linalg.norm(flown[0] - flown[1], axis=-1).min() / 30.0
     assert least < 0.99  # the plan touches the zone
-    assert stage.validity.flown[0] == pytest.approx(least, abs=5e-4)  # 15 mm
+    assert stage.validity.simulated[0] == pytest.approx(least, abs=5e-4)  # 15 mm
     (warning,) = mission.warnings
     assert warning.startswith("stage 1: without compensation, in the high-fidelity model (J2), A and B enter")
     verdict = mission.verdict
-    assert verdict.predicted == stage.validity.flown[0]
+    assert verdict.predicted == stage.validity.simulated[0]
     assert str(verdict).startswith("clear as planned, but not as predicted in the high-fidelity model: ")
-    assert f"minimum {stage.validity.flown[0]:.4f} x zone in J2" in str(verdict)
+    assert f"minimum {stage.validity.simulated[0]:.4f} x zone in J2" in str(verdict)
     assert verdict.status == 1
     assert not verdict.clear
     assert not verdict.conflicts
@@ -66,8 +66,8 @@ def test_predicted_violation_is_in_the_verdict():
 def test_eccentricity_warning_only_without_a_field():
     """The prediction in a field covers eccentricity, so that no warning is needed."""
     text = swap().replace("eccentricity = 0.001", "eccentricity = 0.002")
-    assert not any("eccentricity" in line for line in fly(parse(text)).warnings)
-    assert any("eccentricity" in line for line in fly(parse(text), predicted=False).warnings)
+    assert not any("eccentricity" in line for line in plan_mission(parse(text)).warnings)
+    assert any("eccentricity" in line for line in plan_mission(parse(text), predicted=False).warnings)
 
 
 def test_printed_prediction_and_results(tmp_path: Path, capsys):
@@ -172,7 +172,7 @@ def test_inertial_starts_in_a_field():
 
 def test_errors_and_limits_of_each_spacecraft():
     own = 'thrust_error = ["0 %, 0 deg", "5 %, 0 deg"]\nmax_acceleration = ["5 mm/s^2", "8 mm/s^2"]'
-    mission = fly(parse(swap(craft=own)))
+    mission = plan_mission(parse(swap(craft=own)))
     given, (stage,) = mission.scenario.flight, mission.results
     assert given["max_acceleration"].tolist() == [5e-3, 8e-3]
     one = cf.simulate(stage.after.paths, mission.scenario.field, "open", **given, seeds=5)
@@ -221,7 +221,7 @@ def messages_of(text):
 
 def test_all_mistakes_are_reported_at_once():
     """Messages of several mistakes include those of each alone."""
-    good = (Path(__file__).parents[1] / "examples" / "flown_cases.toml").read_text()
+    good = (Path(__file__).parents[1] / "examples" / "simulated_cases.toml").read_text()
     alone = {old: messages_of(good.replace(old, new)) for old, new in MISTAKES.items()}
     assert sum(map(len, alone.values())) >= len(MISTAKES)
     for one, other in pairwise(MISTAKES):

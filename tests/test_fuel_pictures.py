@@ -1,6 +1,5 @@
 """Pictures of the delta-v of missions agree with the results."""
 
-
 import numpy as np
 import pytest
 

@@ -9,7 +9,7 @@ from bodies import Body
 from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCampaign
 from closeform.campaign.search_cases import GatherCampaign
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.sections import searches
 from closeform.scenario import parse
 from closeform.search.gathering.burn_errors import BurnErrors
@@ -149,7 +149,7 @@ def test_failed_spacecraft_keep_coasting(text):
     sensor, seen = scenario.plan.sensor, set()
     some = {0, 1, 2, int(np.argmax(campaign.column("adrift")))}
     for case in range(24) if text is WIDE else sorted(some):
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         states = mission.scenario.states(mission.orbit)
         exact = modelled(sky, sensor, states, push)
         way = chosen(exact)
@@ -229,7 +229,7 @@ def test_failures_with_search_errors(text, erring):
     campaign, sky, seen = evaluated(scenario, cases), sky_of(scenario), set()
     assert isinstance(campaign, MissionCampaign if erring else GatherCampaign)
     for case in range(cases):
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         states, bodies = mission.scenario.states(mission.orbit), bodies_of(mission.scenario)
         push, off = 2.0 * (scenario.search.max_speed or 0.0), burn_errors_of(case) if erring else None
         given = sky, scenario.plan.sensor, states[:, :3], states[:, 3:], GROUPS
@@ -262,7 +262,7 @@ def test_burn_errors_follow_gates_model():
     assert isinstance(campaign, MissionCampaign)
     burns, sky = 0, sky_of(scenario)
     for case in range(10):
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         result = mission.results[0]
 
         off = burn_errors_of(case)
@@ -296,7 +296,7 @@ def test_failures_with_burn_errors():
     both = parse(text + '"craft.fails" = { chance = 0.5 }\n')
     checked = 0
     for case in range(6):
-        one, other = fly(case_of(both, case)), fly(case_of(parse(text), case))
+        one, other = plan_mission(case_of(both, case)), plan_mission(case_of(parse(text), case))
         events = one.results[0].result.events
         if one.lost:
             before = min(lost.time for lost in one.lost)
@@ -380,7 +380,7 @@ def test_mission_continues_after_failures():
     assert isinstance(campaign, MissionCampaign)
     drifted = 0
     for case in range(10):
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         assert campaign.statuses[case] == (
             "stopped" if mission.stopped else "met" if mission.verdict.ok else "unmet"
         )
@@ -425,7 +425,7 @@ def test_report_of_burns_of_the_first_pair():
     scenario = parse(WIDE.replace("rounds = 2", 'rounds = 2\nburns = "half"'))
     seen = set()
     for case in range(12):
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         (result,) = mission.results
         first = next((e for e in result.result.events if e.kind is EventKind.LOCK), None)
         if first is None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.scenario.end_conflicts import stops
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS
@@ -146,7 +146,7 @@ def test_check_predicts_where_a_run_stops(was, now, stage, line, tmp_path, monke
 
 THREE = """
 closeform = 1
-title = "Flown"
+title = "Trajectories"
 [orbit]
 ORBIT
 [craft]
@@ -188,6 +188,6 @@ within = "3000 s"
 def test_check_predicts_no_false_stop(orbit, stage, conflicts) -> None:
     scenario = parse(THREE.replace("ORBIT", orbit) + stage)
     assert stops(scenario) == ()
-    mission = fly(scenario)
+    mission = plan_mission(scenario)
     assert mission.stopped is None
     assert sum(len(result.after.conflicts) for result in mission.results) == conflicts

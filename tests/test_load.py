@@ -70,7 +70,7 @@ def test_loaded_paths_are_identical(moved) -> None:
     assert mission.results[1].before.conflicts
     for mine, theirs in zip(run.results, mission.results, strict=True):
         assert (mine.number, mine.start, mine.end) == (theirs.number, theirs.start, theirs.end)
-        assert (mine.flown, mine.failure) == (theirs.flown, theirs.failure)
+        assert (mine.executed, mine.failure) == (theirs.executed, theirs.failure)
         assert_same_paths(mine.before, theirs.before)
         assert_same_paths(mine.after, theirs.after)
         times = np.linspace(mine.start, mine.end, 101)
@@ -155,7 +155,7 @@ def test_loaded_failed_plan(tmp_path) -> None:
     mission, run = cf.run(tmp_path / "case.toml"), cf.load(place)
     assert mission.stopped is not None
     assert (run.stopped, run.clear) == (mission.stopped, False)
-    assert [stage.flown for stage in run.results] == [one.flown for one in mission.results]
+    assert [stage.executed for stage in run.results] == [one.executed for one in mission.results]
     assert run.results[-1].failure == mission.results[-1].failure
 
 

@@ -7,7 +7,7 @@ from scipy.stats import kstest
 import closeform as cf
 from closeform.campaign import case_of, evaluated
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
 from test_knowledge_set_corrections import with_kernel
 
@@ -150,7 +150,7 @@ def test_study_and_its_cases_agree():
     campaign = evaluated(scenario)
     speeds, places = campaign.column("residual_speed_m_s"), campaign.column("position_error_m")
     for case in (0, 7, 59):
-        found = fly(case_of(scenario, case)).results[0].result
+        found = plan_mission(case_of(scenario, case)).results[0].result
         assert np.nanmax(found.residual_speeds) == pytest.approx(speeds[case], rel=1e-12)
         assert np.nanmax(found.position_errors) == pytest.approx(places[case], rel=1e-12)
         assert speeds[case] > 0.0
@@ -167,7 +167,7 @@ def test_a_stored_gathering_keeps_its_estimates(tmp_path, capsys):
     main(["run", str(tmp_path / "five.toml"), "--case", "7", "--no-viewer", "--out", str(tmp_path / "out")])
     assert "Error of estimated positions in the formation set" in capsys.readouterr().out
     loaded = cf.load(tmp_path / "out").results[0].result
-    found = fly(case_of(parse(FIVE), 7)).results[0].result
+    found = plan_mission(case_of(parse(FIVE), 7)).results[0].result
     np.testing.assert_array_equal(loaded.estimates, found.estimates)
     np.testing.assert_allclose(loaded.residual_speeds, found.residual_speeds, rtol=1e-9)
 
@@ -206,7 +206,7 @@ def test_bearing_in_scenarios():
     scenario = parse(text)
     campaign = evaluated(scenario)
     for case in (0, 31):
-        found = fly(case_of(scenario, case)).results[0].result
+        found = plan_mission(case_of(scenario, case)).results[0].result
         x = found.paths.position(0.0)[:, 0]
         second = np.array(found.groups) == "B"
         assert x[second].min() > x[~second].max()
@@ -216,7 +216,7 @@ def test_bearing_in_scenarios():
     scenario = parse(pair)
     campaign = evaluated(scenario)
     for case in (0, 31):
-        locks = fly(case_of(scenario, case)).results[0].result.locks
+        locks = plan_mission(case_of(scenario, case)).results[0].result.locks
         assert locks.time[0] == campaign.time[case]
 
 
@@ -237,7 +237,7 @@ def test_solar_pressure_in_scenarios():
     later = straight.time > 0.0
     assert (expected.time[later] != straight.time[later]).all()
     case = int(np.nanargmax(expected.time))
-    assert fly(case_of(scenario, case)).results[0].result.locks.time[0] == expected.time[case]
+    assert plan_mission(case_of(scenario, case)).results[0].result.locks.time[0] == expected.time[case]
     alike = parse(text + '"craft.solar_acceleration" = { choice = ["0.02 mm/s^2"] }\n')
     same = evaluated(alike).kind.evaluate(0, 60)["time_s"]
     np.testing.assert_allclose(same, straight.time, rtol=0.0, atol=1e-6)

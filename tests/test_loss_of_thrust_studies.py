@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from bridge import hill
 from closeform.campaign import case_of, evaluated
 from closeform.campaign.draws import failing
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.run import requirements
 from closeform.scenario import ScenarioError, parse
 from test_sampled_errors import TWICE
@@ -38,7 +38,7 @@ def test_failed_spacecraft_drift_and_others_follow_the_plan(campaign):
     n = scenario.orbit.build().mean_motion
     seen = set()
     for case in range(12):
-        mission, plan = fly(case_of(scenario, case)), fly(case_of(sound, case))
+        mission, plan = plan_mission(case_of(scenario, case)), plan_mission(case_of(sound, case))
         seen.add(tuple(one.craft for one in mission.lost))
         instants = np.linspace(0.0, plan.results[-1].end, 4001)
         truth = plan.paths.position(instants)
@@ -69,7 +69,7 @@ def test_coasting_spacecraft_do_not_fail():
     assert np.isnan(campaign.column("B_fails_s")).all()
     assert not np.isnan(campaign.column("A_fails_s")).any()
     for case in range(3):
-        (lost,) = fly(case_of(campaign.scenario, case)).lost
+        (lost,) = plan_mission(case_of(campaign.scenario, case)).lost
         assert lost.craft == "A"
         assert campaign.column("drift_ratio")[case] == lost.ratio
 
@@ -100,7 +100,7 @@ def test_reasons_name_the_drifting_spacecraft(campaign):
 def test_pages_of_cases_name_unmet_goals(campaign):
     """Unmet goals of the table are those of the verdict."""
     for case in range(24):
-        mission = fly(case_of(parse(FAILS, "fails.toml", "study"), case))
+        mission = plan_mission(case_of(parse(FAILS, "fails.toml", "study"), case))
         unmet = [what for what, _, met in requirements(mission) if not met]
         assert (not unmet) == mission.verdict.ok
         drifts = [one.craft for one in mission.lost if one.needed]
@@ -110,8 +110,8 @@ def test_pages_of_cases_name_unmet_goals(campaign):
 def test_errors_with_failures():
     """A case with failures is that of errors alone until the failure."""
     both = TWICE.replace("[study.vary]\n", '[study.vary]\n"craft.fails" = { chance = 1 }\n')
-    one = fly(case_of(parse(both, "both.toml", "study"), 1))
-    other = fly(case_of(parse(TWICE, "both.toml", "study"), 1))
+    one = plan_mission(case_of(parse(both, "both.toml", "study"), 1))
+    other = plan_mission(case_of(parse(TWICE, "both.toml", "study"), 1))
     before = np.linspace(0.0, min(lost.time for lost in one.lost), 50)
     np.testing.assert_allclose(one.paths.state(before), other.paths.state(before), atol=1e-9)
     assert [lost.craft for lost in one.lost] == ["A"]  # B coasts all along

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from closeform.campaign import case_of, evaluated
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import parse
 from field_scenario import swap
@@ -152,7 +152,7 @@ def test_cases_with_failures_agree_with_simulate():
     scenario = parse(swap(more='margin = "auto"\n' + STUDY), "fails.toml")
     campaign, seen = evaluated(scenario), set()
     sound = parse(swap(more='margin = "auto"\n' + STUDY.split("[study]")[0]), "sound.toml")
-    plan = fly(sound).paths
+    plan = plan_mission(sound).paths
     for case in range(6):
         times = [campaign.column(f"{name}_fails_s")[case] for name in "AB"]
         lost = np.where(np.isnan(times), np.inf, times)
@@ -164,30 +164,30 @@ def test_cases_with_failures_agree_with_simulate():
             lost=lost,
             seeds=[int(campaign.column("flight_seed")[case])],
         )
-        assert campaign.column("flown_ratio")[case] == pytest.approx(own.least_ratio, abs=1e-9)
-        assert campaign.column("flown_delta_v_m_s")[case] == pytest.approx(own.delta_v.sum(), rel=1e-9)
-        assert campaign.column("flown_end_m")[case] == pytest.approx(own.greatest_end, abs=1e-6)
+        assert campaign.column("simulated_ratio")[case] == pytest.approx(own.least_ratio, abs=1e-9)
+        assert campaign.column("simulated_delta_v_m_s")[case] == pytest.approx(own.delta_v.sum(), rel=1e-9)
+        assert campaign.column("simulated_end_m")[case] == pytest.approx(own.greatest_end, abs=1e-6)
         failing = np.isfinite(lost)
         seen.add(tuple(failing.tolist()))
         assert (campaign.statuses[case] == "met") == (not failing.any())
     assert len(seen) >= 3  # no spacecraft, one, both
     first = int(np.flatnonzero(~np.isnan(campaign.column("A_fails_s")))[0])
-    mission = fly(case_of(scenario, first))
+    mission = plan_mission(case_of(scenario, first))
     assert mission.flights.tube is None  # no tube for a drift
-    assert mission.flights.flight.least_ratio == campaign.column("flown_ratio")[first]
+    assert mission.flights.flight.least_ratio == campaign.column("simulated_ratio")[first]
     near = campaign.column("drift_ratio")[first]
-    assert campaign.column("flown_ratio")[first] == pytest.approx(min(near, 1.01), abs=0.1)
+    assert campaign.column("simulated_ratio")[first] == pytest.approx(min(near, 1.01), abs=0.1)
 
 
 def test_loaded_case_gives_the_same_simulations(tmp_path: Path):
     """A loaded case gives the same simulations, with drifts as by DOP853."""
     stages = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
     scenario = parse(swap(more=stages + STUDY), "fails.toml")
-    case = next(k for k in range(6) if len(fly(case_of(scenario, k)).lost) == 1)
+    case = next(k for k in range(6) if len(plan_mission(case_of(scenario, k)).lost) == 1)
     file, out, again = (str(tmp_path / name) for name in ("fails.toml", "case", "flown"))
     Path(file).write_text(scenario.text)
     assert main(["run", file, "--case", str(case), "--out", out, "--no-viewer"]) == 1
-    loaded, mission = cf.load(out), fly(case_of(scenario, case))
+    loaded, mission = cf.load(out), plan_mission(case_of(scenario, case))
     (lost,) = mission.lost
     assert loaded.lost == mission.lost
     own = SimulatedRun.of(loaded, "track", scenario.flight, seeds=range(3))

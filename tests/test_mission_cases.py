@@ -13,7 +13,7 @@ import closeform as cf
 from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.mission_study import missions_report
 from closeform.scenario import ScenarioError, parse
 from closeform.storage.result_folder import Folder
@@ -76,7 +76,7 @@ def test_each_case_equals_its_run(missions, blocked):
     for campaign in (missions, blocked):
         for case in (0, 7, 23, *campaign.failed[:3].tolist()):
             try:
-                mission = fly(case_of(campaign.scenario, case))
+                mission = plan_mission(case_of(campaign.scenario, case))
             except ScenarioError:
                 assert campaign.statuses[case] == "refused"
                 continue
@@ -197,7 +197,7 @@ def test_optimality_gap_column(missions):
     """The gap of each case equals that of its run; 0 where proven."""
     gaps = missions.column("gap")
     for case in (0, 7, 23):
-        plan = fly(case_of(missions.scenario, case)).results[1].result.plan
+        plan = plan_mission(case_of(missions.scenario, case)).results[1].result.plan
         assert gaps[case] == pytest.approx(
             max(plan.energy / plan.lower_bound - 1.0, 0.0), rel=1e-9, abs=1e-12
         )
@@ -230,7 +230,7 @@ def test_pages_show_the_missions_of_the_study(tmp_path, monkeypatch, blocked):
     assert len(pages) >= 2
     assert under_way[0] == f"page 1 of {len(pages)}: {pages[0].title}"
     for page in pages:
-        run = fly(case_of(fresh.scenario, int(page.title.removeprefix("case "))))
+        run = plan_mission(case_of(fresh.scenario, int(page.title.removeprefix("case "))))
         assert scene_of(Shown.of_mission(run), report="report.html").numbers in (
             tmp_path / page.file
         ).read_text(encoding="utf-8")

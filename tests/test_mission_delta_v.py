@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from bridge import hill
 from closeform.cli.console import WIDTH
 from closeform.fuel.bound import least_delta_v
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.motion.path import ends_of
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, parse
@@ -274,19 +274,19 @@ def test_infeasible_transfer_reports_a_sufficient_limit(ran):
     plain(run)
     enough = 1e3 * float(needed[1])
     for factor, possible in ((1.0001, True), (0.999, False)):
-        mission = fly(parse(alone(f'max_acceleration = "{factor * enough:.9g} mm/s^2"')))
+        mission = plan_mission(parse(alone(f'max_acceleration = "{factor * enough:.9g} mm/s^2"')))
         assert (mission.stopped is None) == possible
 
 
 def test_limits_as_force_and_acceleration_agree():
-    force = fly(parse(alone('max_thrust = "0.06 N"'))).results[0]
-    acceleration = fly(parse(alone('max_acceleration = "5 mm/s^2"'))).results[0]
+    force = plan_mission(parse(alone('max_thrust = "0.06 N"'))).results[0]
+    acceleration = plan_mission(parse(alone('max_acceleration = "5 mm/s^2"'))).results[0]
     assert force.delta_v == pytest.approx(acceleration.delta_v, rel=1e-12)
 
 
 def test_impossible_option_has_a_reason():
     """Two impulses one orbit apart reach only positions along the track."""
-    (section,) = RunReport(fly(parse(alone(within='"1 orbit"')))).sections
+    (section,) = RunReport(plan_mission(parse(alone(within='"1 orbit"')))).sections
     (told,) = (line for line in section.closing if line.startswith("No "))
     assert re.fullmatch(r"No impulses at both ends: .* miss the position by at least \S+ m", told)
 
@@ -379,10 +379,11 @@ def test_cost_of_plan_and_pulses_are_both_reported(ran):
 def test_named_thrusters_are_the_table_of_six():
     table = f"{{ directions = {RTN.tolist()} }}"
     one, other = (
-        fly(parse(alone(ON_OFF.replace('"rtn"', thrusters)))).results[0] for thrusters in ('"rtn"', table)
+        plan_mission(parse(alone(ON_OFF.replace('"rtn"', thrusters)))).results[0]
+        for thrusters in ('"rtn"', table)
     )
     assert (one.pulsed.firing.pulses.start == other.pulsed.firing.pulses.start).all()
-    speed = fly(parse(alone(ON_OFF.replace("1 mN s", "0.0833333333333 mm/s")))).results[0]
+    speed = plan_mission(parse(alone(ON_OFF.replace("1 mN s", "0.0833333333333 mm/s")))).results[0]
     assert speed.pulsed.firing.delta_v == pytest.approx(one.pulsed.firing.delta_v, rel=1e-9)
 
 
@@ -464,14 +465,14 @@ def test_missing_thrust_direction_names_the_spacecraft(do):
         text = text.replace('do = "avoid"\ncraft = "Q"', 'do = "reconfigure"\ncraft = ["Q"]')
         text = text.replace(goal, goal.replace("{", "[{").replace("}", "}]"))
     with pytest.raises(ScenarioError, match=r"stage\[1\]: thrusters: Q: .*no thruster acts cross-track"):
-        fly(parse(text))
+        plan_mission(parse(text))
 
 
 def test_verdict_without_zones():
-    report = RunReport(fly(parse(alone())))
+    report = RunReport(plan_mission(parse(alone())))
     assert "no conflict remains" in str(report.mission.verdict)  # a single spacecraft
     two = alone(name='["I", "J"]', position='["0 500 0 m", "0 9 0 m"]', do='"transfer"\ncraft = "J"')
-    assert "no search for conflicts" in str(fly(parse(two)).verdict)
+    assert "no search for conflicts" in str(plan_mission(parse(two)).verdict)
 
 
 def test_six_impulses_of_the_inspector_are_optimal(ran):
@@ -531,17 +532,17 @@ to = { projected_circular = { radius = "60 m" } }
 
 def test_overlapping_burns_stop_the_mission_with_a_reason():
     """Burns that overlap or exceed the stage are reported, not raised."""
-    mission = fly(parse(TIGHT.replace("0.1 mN", "0.12 mN")))
+    mission = plan_mission(parse(TIGHT.replace("0.1 mN", "0.12 mN")))
     assert mission.stopped is not None
     assert "must begin again at" in mission.stopped
     assert 1 <= int(re.search(r"thruster (\d+) fires", mission.stopped)[1]) <= 6
-    assert not mission.results[0].flown
-    ends = fly(parse(TIGHT))
+    assert not mission.results[0].executed
+    ends = plan_mission(parse(TIGHT))
     assert ends.stopped is not None
     assert "burns at its ends take" in ends.stopped
     assert RunReport(ends).sections[0].lines[0].startswith("Not executed: burns at its ends take")
     assert "give it more thrust or time" in ends.stopped
-    assert fly(parse(TIGHT.replace("0.1 mN", "1 mN"))).clear  # neighbouring impulses are one burn
+    assert plan_mission(parse(TIGHT.replace("0.1 mN", "1 mN"))).clear  # neighbouring impulses are one burn
 
 
 def test_arrival_tolerance_is_checked():
@@ -550,7 +551,7 @@ def test_arrival_tolerance_is_checked():
     text = alone(keys, cost='"energy"').replace('cost = "energy"', 'cost = "energy"\nTOLERANCE')
     fine = 'arrival = { position = "1 mm", velocity = "0.001 mm/s" }'
     strict, loose = (
-        fly(parse(text.replace("TOLERANCE", one)))
+        plan_mission(parse(text.replace("TOLERANCE", one)))
         for one in (fine, 'arrival = { position = "1 km", velocity = "1 m/s" }')
     )
     assert not strict.verdict.ok
@@ -564,7 +565,7 @@ def test_arrival_tolerance_is_checked():
 
 def test_zones_grow_only_as_pulses_need():
     """50 m apart with zones of 45 m: pulses need 10 cm at most, and 5 m more would have no plan."""
-    mission = fly(parse(TIGHT.replace("0.1 mN", "2 mN")))
+    mission = plan_mission(parse(TIGHT.replace("0.1 mN", "2 mN")))
     assert mission.clear
     pulsed = mission.results[0].pulsed
     assert 45.0 < 45.0 * pulsed.room.larger < 45.1
@@ -660,7 +661,7 @@ to = { projected_circular = { radius = "50 m", first_phase = "180 deg" } }
 )
 def test_proven_minimum_is_reported(text, told, above):
     """Natural motion needs no delta-v; thrusters along axes and limits need more than free impulses."""
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     (result,) = mission.results
     assert any(line.endswith(told) for line in RunReport(mission).sections[0].closing)
     spent = float(result.delta_v.sum())

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import closeform as cf
 from bridge import hill
 from closeform.cli.console import WIDTH
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from resimulated import faults
@@ -88,7 +88,7 @@ def check_plan(mission, flown, finals: np.ndarray, **asked) -> None:
 
 @pytest.fixture(scope="module")
 def f6():
-    return fly(load(EXAMPLES / "f6_scatter.toml"))
+    return plan_mission(load(EXAMPLES / "f6_scatter.toml"))
 
 
 def test_f6_scatters_and_regathers(f6) -> None:
@@ -150,22 +150,22 @@ def check_cost_table(run: Run, number: int, name: str) -> None:
                 "from [s]": ("start_s", None, 1),
                 "to [s]": ("end_s", None, 1),
                 "extra [%]": ("extra", None, 1),
-                "energy [m²/s³]": ("flown", "energy_m2_s3", 1),
-                "delta-v [m/s]": ("flown", "delta_v_m_s", 1),
-                "peak [mm/s²]": ("flown", "peak_thrust_m_s2", 1e3),
-                "peak [N]": ("flown", "peak_thrust_N", 1),
+                "energy [m²/s³]": ("planned", "energy_m2_s3", 1),
+                "delta-v [m/s]": ("planned", "delta_v_m_s", 1),
+                "peak [mm/s²]": ("planned", "peak_thrust_m_s2", 1e3),
+                "peak [N]": ("planned", "peak_thrust_N", 1),
                 "propellant [g]": ("propellant_kg", None, 1e3),
             }[title]
             if kind == "propellant_kg":
                 truth = flown[craft][kind]
             elif kind == "extra":
-                one, free = (plan["craft"][craft][way]["energy_m2_s3"] for way in ("flown", "direct"))
+                one, free = (plan["craft"][craft][way]["energy_m2_s3"] for way in ("planned", "direct"))
                 assert float(figure) == pytest.approx(100.0 * (one / free - 1.0), abs=6e-4)
                 continue
             else:
                 truth = plan["craft"][craft][kind]
                 truth = truth if key is None else truth[key]
-                if kind == "flown":
+                if kind == "planned":
                     assert flown[craft][key] == pytest.approx(truth, rel=1e-12)
             # six digits, tenths of a second, hundredths of a gram
             assert float(figure) == pytest.approx(
@@ -180,11 +180,11 @@ def check_cost_table(run: Run, number: int, name: str) -> None:
 
 def test_gather_then_reconfigure() -> None:
     """Five spacecraft of TPF gather and then form a row with 75 m spacing across the sun line."""
-    mission = fly(load(EXAMPLES / "find_then_fly.toml"))
+    mission = plan_mission(load(EXAMPLES / "find_then_fly.toml"))
     assert mission.clear
     assert mission.warnings == ()
     found, array, coast = mission.results
-    alone = fly(load(EXAMPLES / "tpf.toml")).results[0]
+    alone = plan_mission(load(EXAMPLES / "tpf.toml")).results[0]
     np.testing.assert_array_equal(end(found), end(alone))
     assert array.start == found.end
     assert array.end == coast.start == pytest.approx(found.end + 3600.0, abs=1e-9)
@@ -216,7 +216,7 @@ def straight(one: np.ndarray, other: np.ndarray, time: float) -> float:
 def test_swap(tmp_path, monkeypatch, capsys) -> None:
     """Opposite spacecraft swap places; 52 of 66 direct pairs conflict, and none of the plan."""
     text = (EXAMPLES / "swap.toml").read_text()
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     (flown,) = mission.results
     assert mission.clear
     assert mission.warnings == ()
@@ -253,7 +253,7 @@ def test_use_of_limits(pictureless, tmp_path, monkeypatch, capsys) -> None:
         'mass = "100 kg"\nmax_thrust = "1 N"\nspecific_impulse = "70 s"\npropellant = "1 kg"\n'
         'delta_v_budget = ["9 m/s", "0.9 m/s", "9 m/s", "9 m/s"]',
     )
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     run = run_text(text, tmp_path, monkeypatch, capsys)
     thrust = r"^Peak: thrust (\S+) of 1 N \((\S+)\)$"
     spent = r"^Highest use so far: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
@@ -275,7 +275,7 @@ def test_use_of_limits(pictureless, tmp_path, monkeypatch, capsys) -> None:
 
 def test_swap_in_deep_space() -> None:
     """All 66 pairs meet in the centre on their direct paths, and none on the plan."""
-    mission = fly(load(EXAMPLES / "swap_deep_space.toml"))
+    mission = plan_mission(load(EXAMPLES / "swap_deep_space.toml"))
     (flown,) = mission.results
     assert mission.clear
     assert len({(met.first, met.second) for met in flown.before.conflicts}) == 66
@@ -308,7 +308,7 @@ def test_removal_of_a_relative_element(text: str, goal: list[float]) -> None:
     """One relative element vanishes and the others stay: theory (5) at the end."""
     start = '[{ palmer = "50 -10 5 100 0 60 m" }, { palmer = "0 0 0 -400 0 0 m" }]'
     stage = f'do = "reconfigure"\ncraft = ["F1"]\n{text}\nwithin = "0.3 orbits"'
-    mission = fly(parse(fleet(stage, name='["F1", "F2"]', start=start)))
+    mission = plan_mission(parse(fleet(stage, name='["F1", "F2"]', start=start)))
     (flown,) = mission.results
     e1, e2, d, along, h1, h2 = goal
     t = N * flown.end
@@ -330,7 +330,7 @@ def test_join_a_coasting_ring() -> None:
     ring = '{ projected_circular = { radius = "120 m" } }'
     start = f'[{ring}, {ring}, {ring}, {{ palmer = "0 0 0 -300 0 0 m" }}]'
     stage = 'do = "reconfigure"\ncraft = ["F4"]\nto = { join = ["F1", "F2", "F3"] }\nwithin = "0.5 orbits"'
-    mission = fly(parse(fleet(stage, start=start)))
+    mission = plan_mission(parse(fleet(stage, start=start)))
     (flown,) = mission.results
     assert mission.clear
     states = end(flown)
@@ -344,7 +344,7 @@ def test_join_a_coasting_ring() -> None:
 
 def test_scatter_from_a_point_and_regather() -> None:
     stage = SPREAD.replace("factor = 2.0", 'from = "0 30 0 m"\ndistance = "300 m"')
-    mission = fly(parse(fleet(stage, BACK)))
+    mission = plan_mission(parse(fleet(stage, BACK)))
     out, back = mission.results
     assert mission.clear
     away = np.linalg.norm(end(out)[:, :3] - [0.0, 30.0, 0.0], axis=1)
@@ -357,7 +357,7 @@ def test_scatter_from_a_point_and_regather() -> None:
 def test_more_slots_than_craft() -> None:
     """Four spacecraft at rest take the four of seven slots where they already are."""
     stage = 'do = "reconfigure"\nto = { string_of_pearls = { spacing = "50 m" } }\nwithin = "1 orbit"'
-    mission = fly(parse(fleet(f"{stage}\nassign = true\nslots = 7")))
+    mission = plan_mission(parse(fleet(f"{stage}\nassign = true\nslots = 7")))
     (plan,) = [flown.result.plan for flown in mission.results]
     assert plan.slots.tolist() == [0, 2, 4, 6]
     assert plan.energy == pytest.approx(0.0, abs=1e-20)
@@ -384,8 +384,8 @@ to = [
 )
 def test_separate_planning_in_order(plan: str, how: str) -> None:
     """The first spacecraft takes its own optimum; joint planning costs no more."""
-    joint = fly(parse(fleet(REVERSED))).results[0].result.plan
-    mission = fly(parse(fleet(f'{REVERSED}plan = "{plan}"\norder = ["F3"]')))
+    joint = plan_mission(parse(fleet(REVERSED))).results[0].result.plan
+    mission = plan_mission(parse(fleet(f'{REVERSED}plan = "{plan}"\norder = ["F3"]')))
     (flown,) = mission.results
     made = flown.result.plan
     assert mission.clear
@@ -401,7 +401,7 @@ def weak(*stages: str, thrust: str = '"0.2 N"') -> str:
 def test_low_thrust_extends_the_duration() -> None:
     """The four return late to the relative orbits that they had."""
     quick = SPREAD.replace("0.5 orbits", "0.05 orbits"), BACK.replace("0.5 orbits", "0.05 orbits")
-    mission = fly(parse(weak(*quick)))
+    mission = plan_mission(parse(weak(*quick)))
     out, back = mission.results
     assert mission.clear
     late = [flown.end - flown.start for flown in mission.results]
@@ -457,7 +457,7 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
         'mass = "100 kg"\nspecific_impulse = "70 s"\npropellant = ["1 kg", "1 g", "1 kg", "1 kg"]\n'
         'delta_v_budget = ["1 cm/s", "10 m/s", "10 m/s", "10 m/s"]',
     )
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     spent = np.zeros(2)
     for k in range(2):
         mass = 100.0
@@ -545,7 +545,7 @@ def test_line_moves_with_the_centre_of_its_spacecraft() -> None:
     stage = (
         'do = "reconfigure"\nto = { line = { spacing = "60 m", direction = [0, 3, 4] } }\nwithin = "1000 s"'
     )
-    (flown,) = fly(parse(fleet(stage, text=text))).results
+    (flown,) = plan_mission(parse(fleet(stage, text=text))).results
     middle = np.array([25.0, 25.0, 25.0]) + 1000.0 * np.array([0.01, 0.02, 0.03])
     offsets = 60.0 * np.outer([-1.5, -0.5, 0.5, 1.5], [0.0, 0.6, 0.8])
     np.testing.assert_allclose(end(flown)[:, :3], middle + offsets, atol=1e-9)
@@ -553,7 +553,7 @@ def test_line_moves_with_the_centre_of_its_spacecraft() -> None:
 
 
 def test_stage_equals_reconfigure() -> None:
-    (flown,) = fly(parse(fleet(REVERSED))).results
+    (flown,) = plan_mission(parse(fleet(REVERSED))).results
     orbit = cf.Orbit.circular(500e3)
     initial = np.zeros((4, 6))
     initial[:, 1] = [-150.0, -50.0, 50.0, 150.0]
@@ -628,7 +628,7 @@ def test_scatter_without_a_solution_is_rejected(how: str) -> None:
         'start = { string_of_pearls = { spacing = "100 m" } }', f"position = {places}\nvelocity = {speeds}"
     )
     with pytest.raises(ScenarioError, match=r"stage\[1\]: .*\bF[12]\b.*; change within") as raised:
-        fly(parse(fleet(f'do = "scatter"\n{how}\nwithin = "100 s"', text=text)))
+        plan_mission(parse(fleet(f'do = "scatter"\n{how}\nwithin = "100 s"', text=text)))
     assert "craft" not in str(raised.value)
 
 
@@ -643,7 +643,7 @@ MOVES = (
 @pytest.mark.parametrize("move", MOVES, ids=["reconfigure", "avoid"])
 def test_long_transfer_beside_a_coasting_spacecraft(move: str, within: str) -> None:
     """The coasting spacecraft is propagated far beyond the transfer."""
-    flown = fly(
+    flown = plan_mission(
         parse(f"""closeform = 1
 title = "Inspector"
 

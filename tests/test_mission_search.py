@@ -16,7 +16,7 @@ import closeform as cf
 import turns
 from closeform.cli.app import main
 from closeform.cli.console import WIDTH
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import load, parse
 from closeform.storage.publishing import folder
@@ -258,7 +258,7 @@ def test_incomplete_gathering_of_a_swarm(fly_file, monkeypatch, capsys) -> None:
     assert cheapest != figures["burns"]
     assert "leaves more craft" in run.printed
     text = (EXAMPLES / "swarm.toml").read_text().replace("rounds = 4", f'rounds = 4\nburns = "{cheapest}"')
-    (flown,) = fly(parse(text)).results
+    (flown,) = plan_mission(parse(text)).results
     assert len(flown.result.sets[0]) < len(figures["sets"][0])
     assert sum(flown.result.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
 
@@ -291,8 +291,8 @@ MOVING = '["0 0 0 cm/s", "1 2 3 cm/s", "-2 1 -4 cm/s"]'
 
 
 def test_gathering_starts_at_the_end_of_the_previous_stage() -> None:
-    both = fly(parse(searched(FIRST, AFTER, position=PLACES, velocity=MOVING)))
-    late = fly(
+    both = plan_mission(parse(searched(FIRST, AFTER, position=PLACES, velocity=MOVING)))
+    late = plan_mission(
         parse(searched(position='["0 0 0 m", "-99.9 0.2 0.3 m", "-0.2 90.1 199.6 m"]', velocity=MOVING))
     )
     drift, gather, coast = both.results
@@ -328,8 +328,10 @@ def test_gather_after_a_fault() -> None:
         'method = "modified"', 'method = "basic"\npasses = 1\nrelaxed = true'
     )
     with pytest.raises(ValueError, match="again = true in a gather after a fault"):
-        fly(parse(text))
-    move, coast, gather = fly(parse(text.replace('"gather"', '"gather"\nagain = true\nstep = "1 s"'))).results
+        plan_mission(parse(text))
+    move, coast, gather = plan_mission(
+        parse(text.replace('"gather"', '"gather"\nagain = true\nstep = "1 s"'))
+    ).results
     assert move.failure is None
     begin = move.after.paths.state(move.end)
     begin = begin + np.pad(begin[:, 3:] * (coast.end - coast.start), ((0, 0), (0, 3)))  # a straight coast
@@ -357,7 +359,7 @@ def test_shade_is_the_body_of_a_spacecraft() -> None:
 
 def test_gathering_of_mutually_visible_spacecraft_takes_no_time() -> None:
     text = searched(FIRST, AFTER, position='["0 0 0 m", "100 0 0 m", "20 15 0 m"]')
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     assert mission.clear
     assert [(flown.start, flown.end) for flown in mission.results] == [
         (0.0, 10.0),
@@ -413,7 +415,7 @@ def test_each_pair_has_its_own_zone() -> None:
     zones = '[{ sphere = "10 m" }, { sphere = "20 m" }, { sphere = "10 m" }]'
     scenario = parse(searched(keep_out=zones, velocity=MOVING))
     assert scenario.gathering(scenario.stages[0])["keep_out"] is scenario.zones  # also for the gathering
-    (flown,) = fly(scenario).results
+    (flown,) = plan_mission(scenario).results
     assert {
         (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0]))
         for near in flown.after.approaches
@@ -425,7 +427,7 @@ def test_each_pair_has_its_own_zone() -> None:
 
 
 def test_long_timeline_is_folded() -> None:
-    mission = fly(load(EXAMPLES / "swarm.toml"))
+    mission = plan_mission(load(EXAMPLES / "swarm.toml"))
     tables = {table.title.split(",")[0]: table for table in RunReport(mission).sections[0].tables}
     assert tables["Timeline"].folded
     assert tables["Delta-v of each craft"].folded
@@ -454,7 +456,7 @@ def test_progress_messages(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("closeform.report.sections.searches.FRAMES", 2)
     monkeypatch.setattr("closeform.report.sections.searches.MOMENTS", 1)
     said: list[str] = []
-    mission = fly(parse(searched(position=PLACES, velocity=MOVING)), said.append)
+    mission = plan_mission(parse(searched(position=PLACES, velocity=MOVING)), said.append)
     with folder(tmp_path / "results") as under_way:
         RunReport(mission).write(under_way, said.append)
     assert said[0] == "stage 1 of 1: gather"

@@ -9,7 +9,7 @@ import pytest
 
 from closeform.campaign import case_of, evaluated
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from test_verdict import LOST
@@ -97,7 +97,7 @@ def test_plans_that_are_not_executed_use_no_delta_v() -> None:
     """The last stage, which ends in B's zone, is not executed."""
     text = TWO_STAGES + TWO_STAGES[TWO_STAGES.index("\n[[stage]]") : TWO_STAGES.index('within = "1000 s"')]
     before, after = text.rsplit("0 100 0 m", 1)
-    mission = fly(parse(f'{before}0 5 395 m{after}within = "1 h"\n'))
+    mission = plan_mission(parse(f'{before}0 5 395 m{after}within = "1 h"\n'))
     assert mission.stopped is not None
     assert len(mission.results) == 3
     np.testing.assert_allclose(list(RunReport(mission).summary["delta_v_m_s"].values()), SPENT, rtol=1e-9)
@@ -109,7 +109,7 @@ def test_thrust_limit_does_not_apply_to_impulses() -> None:
     limited = text.replace('mass = "700 kg"', 'mass = "700 kg"\nmax_thrust = "1 mN"')
     said = "Burns are impulses, which take no time: max_thrust does not apply to this stage"
     for scenario, lines in ((text, ()), (limited, (said,))):
-        assert RunReport(fly(parse(scenario))).sections[0].closing == lines
+        assert RunReport(plan_mission(parse(scenario))).sections[0].closing == lines
 
 
 @pytest.mark.parametrize("stage", ["gather", "lock"])
@@ -127,7 +127,7 @@ def test_study_and_run_use_the_same_zones(zones: str, stage: str) -> None:
     text = LOST.replace('do = "gather"', f'do = "{stage}"').replace('{ sphere = "20 m" }', zones)
     scenario = parse(text)
     clear = evaluated(scenario, 60, 3, lambda done: None).kept["clear"]
-    alone = [not fly(case_of(scenario, case)).verdict.conflicts for case in range(60)]
+    alone = [not plan_mission(case_of(scenario, case)).verdict.conflicts for case in range(60)]
     np.testing.assert_array_equal(clear, alone)
     assert 0.1 < clear.mean() < 0.95
 
@@ -152,7 +152,7 @@ for = "FOR"
 
 def test_conflicts_of_a_coast_are_summed_up_by_pair() -> None:
     """Each pair has its number of conflicts, first and last time, total duration and minimum ratio."""
-    mission = fly(parse(CROWD.replace("FOR", "30 orbits")))
+    mission = plan_mission(parse(CROWD.replace("FOR", "30 orbits")))
     met = mission.results[0].after.conflicts
     assert len(met) > 40
     (told,) = RunReport(mission).sections

@@ -15,7 +15,7 @@ from bridge import hill
 from closeform.campaign import error_cases, evaluated
 from closeform.campaign.error_cases import drawn
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.uncertainty import UncertainStage
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
@@ -65,7 +65,7 @@ NEAR = HEAD.replace("0 200 0 m", "0 40 0 m").replace('"20 m"', '"12 m"')
 
 def test_covariance_is_propagated_from_stage_to_stage() -> None:
     """Stages give the same covariance as the whole path with its single burn."""
-    mission = fly(parse(HEAD + EXECUTION + CLOSER))
+    mission = plan_mission(parse(HEAD + EXECUTION + CLOSER))
     whole = cf.join([result.after.path("F2") for result in mission.results])
     state = np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
     errors = cf.Uncertainty(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)), 1e-12)
@@ -75,7 +75,9 @@ def test_covariance_is_propagated_from_stage_to_stage() -> None:
         sizes = np.sqrt(np.diag(expected))
         assert np.abs(found - expected).max() < 1e-9 * sizes.max() ** 2
         assert np.abs((found - expected) / np.outer(sizes, sizes)).max() < 1e-9
-    impulses = fly(parse(HEAD + EXECUTION + CLOSER.replace('craft = "F2"', 'craft = "F2"\ncost = "delta-v"')))
+    impulses = plan_mission(
+        parse(HEAD + EXECUTION + CLOSER.replace('craft = "F2"', 'craft = "F2"\ncost = "delta-v"'))
+    )
     whole = cf.join([result.after.path("F2") for result in impulses.results])
     expected = errors.covariance(whole, whole.end)
     last = impulses.results[-1]
@@ -128,20 +130,20 @@ def test_verdict_reports_the_least_sigma_clearance(tmp_path, monkeypatch, capsys
 
 def test_verdict_reports_a_probability_without_a_limit() -> None:
     """It appears with "clear", with a limit if given, and not at all without uncertainty."""
-    mission = fly(parse(NEAR + PASS))
+    mission = plan_mission(parse(NEAR + PASS))
     odds = mission.results[0].uncertain.likeliest.probability
     told = f"probability of collision of F1 - F2 up to {odds.high:.3g}"
     assert odds.high > 1e-6
     assert mission.verdict.ok
     assert f"{told}, without a limit" in str(mission.verdict)
-    limited = fly(parse(NEAR + PASS + "max_probability = 1.0\n"))
+    limited = plan_mission(parse(NEAR + PASS + "max_probability = 1.0\n"))
     assert f"{told}, 1 at most" in str(limited.verdict)
-    assert "probability" not in str(fly(parse(HEAD + PASS)).verdict)
+    assert "probability" not in str(plan_mission(parse(HEAD + PASS)).verdict)
 
 
 def test_probability_agrees_with_monte_carlo() -> None:
     """Propagate 10 000 pairs of states to 800 times; count those that come within 10 m."""
-    mission = fly(parse(NEAR + PASS + "max_probability = 0.5\n"))
+    mission = plan_mission(parse(NEAR + PASS + "max_probability = 0.5\n"))
     (result,) = mission.results
     pair = result.uncertain.likeliest
     orbit = mission.orbit
@@ -157,7 +159,7 @@ def test_probability_agrees_with_monte_carlo() -> None:
     assert mission.verdict.ok
     assert "probability of collision of F1 - F2 up to" in str(mission.verdict)
     asked = f"max_probability = {0.9 * pair.probability.value}\n"
-    assert fly(parse(NEAR + PASS + asked)).verdict.status == 1
+    assert plan_mission(parse(NEAR + PASS + asked)).verdict.status == 1
 
 
 def test_probability_of_any_collision_is_bounded_by_the_sum() -> None:
@@ -167,7 +169,7 @@ def test_probability_of_any_collision_is_bounded_by_the_sum() -> None:
         '["0 0 0 m", "0 40 0 m"]', '["0 0 0 m", "0 40 0 m", "0 80 0 m", "0 400 0 m"]'
     )
     text = re.sub("covariance = .*", f'covariance = [{known}, {known}, "exact", {known}]', text)
-    mission = fly(parse(text + PASS))
+    mission = plan_mission(parse(text + PASS))
     (result,) = mission.results
     bodies = result.uncertain.bodies
     assert bodies.exact == ("F3",)
@@ -197,7 +199,7 @@ def test_hard_bodies_are_avoided_without_keep_out_zones() -> None:
     text = HEAD.replace('keep_out = { sphere = "20 m" }\n', "").replace("0 200 0 m", "0 40 0 m")
     text = text.replace('"5 m"', '"18 m"')
     move = CLOSER.split("[[stage]]")[2].replace("0 60 0 m", "0 -40 0 m")
-    mission = fly(parse(f"{text}\n[[stage]]{move}"))
+    mission = plan_mission(parse(f"{text}\n[[stage]]{move}"))
     assert mission.verdict.ok
     for result in mission.results:
         assert result.uncertain.zones is None
@@ -223,7 +225,7 @@ def test_hard_bodies_are_judged_without_keep_out_zones() -> None:
     """A transfer has no keep-out zones; with noise the probability is a certain bound."""
     text = HEAD.replace('keep_out = { sphere = "20 m" }\n', EXECUTION)
     move = CLOSER.split("[[stage]]")[2].replace("avoid", "transfer")
-    mission = fly(parse(f"{text}\n[[stage]]{move}sigmas = 0.1\n"))
+    mission = plan_mission(parse(f"{text}\n[[stage]]{move}sigmas = 0.1\n"))
     (result,) = mission.results
     assert result.uncertain.zones is None
     assert result.uncertain.nearest is result.uncertain.bodies.pairs[0]
@@ -236,7 +238,7 @@ def test_hard_bodies_are_judged_without_keep_out_zones() -> None:
 def test_mission_without_uncertainty(monkeypatch) -> None:
     monkeypatch.setattr(UncertainStage, "of", None)
     text = re.sub(r"covariance = .*\n", "", HEAD)
-    assert fly(parse(text + CLOSER)).results[0].uncertain is None
+    assert plan_mission(parse(text + CLOSER)).results[0].uncertain is None
 
 
 def test_study_counts_agree_with_the_probability(tmp_path, monkeypatch, capsys) -> None:
@@ -247,7 +249,7 @@ def test_study_counts_agree_with_the_probability(tmp_path, monkeypatch, capsys) 
     assert main(["study", "a.toml"]) == 1
     printed = capsys.readouterr().out
     summary = json.loads(Path("a-study/summary.json").read_text())
-    told = fly(parse(NEAR + PASS)).results[0].uncertain.likeliest.probability
+    told = plan_mission(parse(NEAR + PASS)).results[0].uncertain.likeliest.probability
     share = summary["inside"]["Within the hard bodies"]["F1 - F2"]
     assert share["low"] < told.value < share["high"]
     count = round(20_000 * share["share"])
@@ -269,9 +271,9 @@ def test_study_locks_its_folder_before_planning(tmp_path, monkeypatch) -> None:
 
     def planned(scenario):
         held.append((Path("a-study") / PRIVATE / LOCK).exists())
-        return fly(scenario)
+        return plan_mission(scenario)
 
-    monkeypatch.setattr(error_cases, "fly", planned)
+    monkeypatch.setattr(error_cases, "plan_mission", planned)
     Path("a.toml").write_text(NEAR + PASS + '[study]\ncases = 20\nseed = 1\ndraws = "errors"\n')
     assert main(["study", "a.toml", "--seed", "-1"]) == 2
     assert held == []
@@ -339,7 +341,7 @@ def test_stages_keep_the_requested_sigma_clearance(stage: str, craft: str, cost:
     move = f'[[stage]]\ndo = "{stage}"\ncraft = {craft}\nto = {to}\nwithin = "0.4 orbits"\ncost = "{cost}"\n'
     head = HEAD.replace("0 200 0", "0 150 0").replace("1 2 1 m", "2 4 2 m").replace("1 1 1", "3 3 3")
     head = head.replace('"20 m"', '"60 m"') + EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")
-    without, asked = fly(parse(head + move)), fly(parse(f"{head}{move}sigmas = 3.0\n"))
+    without, asked = plan_mission(parse(head + move)), plan_mission(parse(f"{head}{move}sigmas = 3.0\n"))
     assert without.results[0].uncertain.nearest.sigmas < 2.5
     near = asked.results[0].uncertain.nearest
     assert 3.0 - 1e-8 <= near.sigmas < 3.01
@@ -360,7 +362,7 @@ def test_stages_keep_the_requested_sigma_clearance(stage: str, craft: str, cost:
 def test_slow_encounter_example_agrees_with_its_message() -> None:
     """Scenario and CDM give one probability, far above that of a short encounter."""
     examples = Path(__file__).parents[1] / "examples"
-    told = fly(load(examples / "slow_encounter.toml")).results[0].uncertain.likeliest.probability
+    told = plan_mission(load(examples / "slow_encounter.toml")).results[0].uncertain.likeliest.probability
     message = cf.read_cdm(examples / "slow_encounter.cdm").encounter(None)
     pair = message.path, message.other, cf.Sphere(10.0), message.errors, message.other_errors
     assert told.value == pytest.approx(cf.collision_probability(*pair).value, rel=1e-3)
@@ -373,7 +375,7 @@ def test_unknown_probability_fails_its_limit(monkeypatch) -> None:
     monkeypatch.setattr("closeform.uncertainty.uncertain_flight.MOST_BURNS", 0)
     move = CLOSER.split("[[stage]]")[2]
     known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")
-    mission = fly(parse(f"{HEAD}{known}\n[[stage]]{move}max_probability = 0.5\n{PASS}"))
+    mission = plan_mission(parse(f"{HEAD}{known}\n[[stage]]{move}max_probability = 0.5\n{PASS}"))
     assert "probability of collision of F1 - F2 is not known" in str(mission.verdict)
     assert mission.verdict.status == 1
     path = mission.results[0].after.path("F2")

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.sections import effort
 from closeform.scenario import parse
 from hold_transfers import hold_transfers
@@ -78,7 +78,7 @@ def nearest_drift(path, pulses, until, seed):
 )
 def test_pulses_are_passively_safe(bit, period, larger):
     """Without a margin, drifts after lost pulses would come to 0.99, 0.97 and 0.82 zones."""
-    (plan, _) = fly(parse(inspector(bit, period))).results
+    (plan, _) = plan_mission(parse(inspector(bit, period))).results
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
     assert 1.0 < plan.pulsed.room.larger < larger
@@ -92,7 +92,7 @@ def test_pulses_are_passively_safe(bit, period, larger):
 
 def test_pulses_that_are_not_safe_report_the_required_margin():
     """The final ellipse is 25 m from the client, so zones cannot be larger by a quarter."""
-    mission = fly(parse(inspector("10 mm/s", "300 s")))
+    mission = plan_mission(parse(inspector("10 mm/s", "300 s")))
     plan = mission.results[0]
     assert (plan.passive.safe, mission.verdict.status) == (False, 1)
     (said,) = (line for line in effort.pulse_lines(mission, plan) if "require larger margins" in line)
@@ -106,7 +106,7 @@ def test_pulses_that_are_not_safe_report_the_required_margin():
 @pytest.mark.parametrize("bit", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
 def test_minimum_delta_v_plan_consists_of_its_pulses(bit):
     """Drifts after pulses of plain impulses, some below the bit, would come to 0.58 zones."""
-    (plan, _) = fly(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
+    (plan, _) = plan_mission(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
     assert (plan.pulsed.room.larger, plan.pulsed.room.time) == (1.0, 0.0)
@@ -123,9 +123,9 @@ def test_minimum_delta_v_plan_consists_of_its_pulses(bit):
 def test_excessive_minimum_bit_is_refused_with_a_reason(monkeypatch):
     """Within the transfer, a thruster of 1 mm/s^2 gives less than 6 m/s."""
     monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 4e6)  # of 9e7
-    result = fly(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
+    result = plan_mission(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
     assert result.end - result.start < 6000.0
-    assert not result.flown
+    assert not result.executed
     assert "minimum_bit" in result.failure
 
 

@@ -16,7 +16,7 @@ from closeform import plots
 from closeform.campaign import case_of
 from closeform.cli.app import main
 from closeform.dynamics.simulation.loss_of_thrust import sampled_losses
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.passive_safety import in_field
 from closeform.report.run import RunReport
 from closeform.report.sections import passive
@@ -50,7 +50,7 @@ within = "1 orbit"
 
 
 def flown(text):
-    return fly(parse(text))
+    return plan_mission(parse(text))
 
 
 STEP = 2.0  # s, between samples of a drift
@@ -97,7 +97,7 @@ def test_worst_failure_against_integrated_failures():
 
 
 def test_safe_plan_stays_clear_after_any_failure():
-    mission = fly(parse((EXAMPLES / "passive_inspector.toml").read_text()))
+    mission = plan_mission(parse((EXAMPLES / "passive_inspector.toml").read_text()))
     plan = mission.results[0]
     found = plan.passive
     assert found.planned
@@ -132,7 +132,7 @@ def test_avoid_stage_plans_passive_safety(cost):
     ("name", "planned", "least"), [("station_ellipsoid", False, 1.25), ("station_sphere", True, 1.45)]
 )
 def test_station_examples_are_passively_safe(name, planned, least):
-    mission = fly(parse((EXAMPLES / f"{name}.toml").read_text()))
+    mission = plan_mission(parse((EXAMPLES / f"{name}.toml").read_text()))
     found = mission.results[0].passive
     assert (found.planned, found.safe, mission.verdict.status) == (planned, True, 0)
     assert found.worst.ratio > least
@@ -355,7 +355,7 @@ def test_departure_from_an_ellipse_is_safe_and_from_rest_is_not():
     held = '{ safety_ellipse = { radial = "60 m", cross_track = "60 m", along_track = "-300 m" } }'
     assert text.count(held) == 1
     for start, safe in ((held, True), ('{ palmer = "0 0 0 -300 0 0 m" }', False)):
-        mission = fly(parse(text.replace(held, start)))
+        mission = plan_mission(parse(text.replace(held, start)))
         assert mission.clear
         assert mission.verdict.ok == safe
         assert [result.passive.safe for result in mission.results] == [True, safe, True]
@@ -364,7 +364,7 @@ def test_departure_from_an_ellipse_is_safe_and_from_rest_is_not():
 @pytest.mark.slow
 def test_stopped_stage_reports_the_direct_path():
     """Integrate the reported failure of the direct path, and ten others that come no closer."""
-    mission = fly(parse(STOPS, "file.toml", "run"))
+    mission = plan_mission(parse(STOPS, "file.toml", "run"))
     assert mission.stopped is not None
     (result,) = mission.results
     direct = result.unplanned
@@ -406,7 +406,7 @@ def test_check_rejects_an_unsafe_end(to, drift, stops, tmp_path, capsys):
     assert status == (2 if stops else 0)
     assert ("no plan with that end is passively safe" in said) == stops
     if stops:
-        (result,) = fly(parse(text)).results
+        (result,) = plan_mission(parse(text)).results
         assert "no plan with that end is passively safe" in result.failure
 
 
@@ -505,7 +505,7 @@ def perturbed_distance(
 
 def test_passive_safety_in_the_high_fidelity_model():
     """The hold is safe in Hill dynamics at 1.6667; with J2 and drag the spacecraft drifts into the zone."""
-    mission = fly(parse(HELD))
+    mission = plan_mission(parse(HELD))
     (result,) = mission.results
     worst, scenario = result.passive.worst, mission.scenario
     least = perturbed_distance(
@@ -533,7 +533,7 @@ within = "1 h"
 """
     )
     scenario = parse(text.replace('"transfer"', '"avoid"') + 'method = "sauter-palmer"\ndrift = "10 h"\n')
-    (result,) = fly(scenario).results
+    (result,) = plan_mission(scenario).results
     path, end = result.after.paths[1], 11 * 3600.0
     held = np.array([False, True])
     losses = sampled_losses(result.after.paths, held, end, scenario.field)
@@ -551,7 +551,7 @@ within = "1 h"
 @pytest.mark.parametrize(("strict", "status"), [("", 0), ('[verdict]\nmodel_error = "refuse"\n', 1)])
 def test_clearance_below_the_model_error_is_not_shown_safe(strict: str, status: int):
     """20 m of clearance at 50 m for a day: the model error exceeds it in 95 % of missions."""
-    mission = fly(parse(IN_HILL.replace("10 h", "24 h") + strict))
+    mission = plan_mission(parse(IN_HILL.replace("10 h", "24 h") + strict))
     report = RunReport(mission)
     rows = [row for row in report.summary["asked"] if "passively safe" in row["asked"]]
     assert [row["met"] for row in rows] == [None]
@@ -560,7 +560,7 @@ def test_clearance_below_the_model_error_is_not_shown_safe(strict: str, status: 
 
 
 def test_clearance_above_the_model_error_is_safe():
-    mission = fly(parse(IN_HILL.replace("30 m", "5 m")))
+    mission = plan_mission(parse(IN_HILL.replace("30 m", "5 m")))
     rows = [row for row in RunReport(mission).summary["asked"] if "passively safe" in row["asked"]]
     assert [row["met"] for row in rows] == [True]
     assert "in Hill's equations" in str(mission.verdict)
@@ -593,7 +593,7 @@ seed = 1
     )
     entered = 0
     for case in range(5):
-        mission = fly(case_of(parse(text, "file.toml", "study"), case))
+        mission = plan_mission(case_of(parse(text, "file.toml", "study"), case))
         (lost,) = mission.lost
         entered += mission.flights.entered.count
         assert (lost.ratio < 1.0) == (mission.flights.entered.count == 1)

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 
 import closeform as cf
 from closeform import plots
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.plots.drawing.style import banner
 from closeform.report.picture import Film
 from closeform.report.run import RunReport
@@ -184,7 +184,7 @@ animation = true
 
 @pytest.mark.slow
 def test_every_stage_with_motion_has_an_animation(tmp_path):
-    mission = fly(parse(EVERY))
+    mission = plan_mission(parse(EVERY))
     assert mission.stopped is None
     for told in RunReport(mission).sections:
         (film,) = [picture for picture in told.pictures if isinstance(picture, Film)]

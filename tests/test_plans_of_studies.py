@@ -10,7 +10,7 @@ import pytest
 
 from closeform.campaign import case_of, evaluated, mission_cases
 from closeform.campaign.mission_cases import MOST_PLANS, Plans
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
 from test_loss_of_thrust_studies import FAILS
 from test_sampled_errors import TWICE
@@ -42,7 +42,7 @@ def plan_inputs(case):
 def test_plan_is_made_once_for_equal_inputs(text, plans, monkeypatch):
     """Rows equal those of single runs bit by bit, in chunks of any order."""
     scenario, made = parse(text, "plans.toml", "study"), []
-    runs = [fly(case_of(scenario, case)) for case in range(8)]
+    runs = [plan_mission(case_of(scenario, case)) for case in range(8)]
     planned = mission_cases.staged
     monkeypatch.setattr(
         mission_cases, "staged", lambda one, **told: (made.append(plan_inputs(one)), planned(one, **told))[1]

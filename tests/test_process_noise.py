@@ -11,7 +11,7 @@ from bridge import hill
 from closeform.campaign import case_of, evaluated
 from closeform.dynamics.simulation.random_errors import NOISE_STEP, process_noise
 from closeform.mission.executed_mission import ProcessNoise
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.uncertainty.white_noise import BLOCK, increments, velocity_changes, with_velocity_changes
 from philox import block
@@ -146,7 +146,7 @@ def test_velocity_disturbances_propagate_by_natural_motion():
 def test_cases_have_the_covariance_of_the_noise(text):
     """States after half an orbit, in two stages, of two spacecraft with different noise."""
     scenario = scenario_of(in_stages(text, 1304.0, 1696.0))  # s; the first ends where velocities change
-    ends = np.array([fly(case_of(scenario, case)).paths.state(2992.0) for case in range(150)])
+    ends = np.array([plan_mission(case_of(scenario, case)).paths.state(2992.0) for case in range(150)])
     away = ends - ORBIT.coast([[0, -60, 0, 0, 0, 0], np.zeros(6)], 3000.0).state(2992.0)
     for k, density in ((0, 1e-7), (1, 2e-8)):
         assert has_covariance(away[:, k], noise_of(density, N, 2992.0))
@@ -159,7 +159,7 @@ def test_cases_have_the_covariance_of_the_noise(text):
 @pytest.mark.parametrize("text", [COASTS, ANEW], ids=["errors", "replanned"])
 def test_noise_does_not_depend_on_the_stages(text):
     """Compare one stage with several, a longer one, and more spacecraft."""
-    whole = fly(case_of(scenario_of(text), 7))
+    whole = plan_mission(case_of(scenario_of(text), 7))
     times = np.linspace(1.0, 2999.0, 500)
     texts = [in_stages(text, 800.0, 401.3, 1798.7, 0.001)]
     if text == ANEW:
@@ -169,7 +169,7 @@ def test_noise_does_not_depend_on_the_stages(text):
     )
     texts.append(third.replace('[{ noise = "1e-7', '[{ noise = "1e-9 m^2/s^3" }, { noise = "1e-7'))
     for other in texts:
-        mission = fly(case_of(scenario_of(other), 7))
+        mission = plan_mission(case_of(scenario_of(other), 7))
         names = mission.scenario.names
         some = [names.index("A"), names.index("B")]
         found, expected = mission.paths[some], whole.paths
@@ -190,7 +190,7 @@ def test_runs_reproduce_the_cases_of_a_study():
     entered = campaign.zones[0]
     assert 4 < campaign.counts["zone"].any < 76
     for case in [*np.flatnonzero(entered.inside)[:3].tolist(), *range(3)]:
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         assert mission.verdict.conflicts == entered.entries[case] + entered.began[case]
         assert mission.delta_v.sum() == pytest.approx(mission.paths.delta_v.sum())
     np.testing.assert_array_equal(evaluated(scenario, 20).zones[0].entries, entered.entries[:20])
@@ -227,11 +227,11 @@ def test_noise_continues_after_loss_of_thrust():
         'keep_out = { sphere = "25 m" }\n', ""
     )
     next_to_none = text.replace("1e-7 m", "1e-30 m").replace("2e-8 m", "1e-30 m")
-    noisy, still = (fly(case_of(scenario_of(one), 2)) for one in (text, next_to_none))
+    noisy, still = (plan_mission(case_of(scenario_of(one), 2)) for one in (text, next_to_none))
     assert len(noisy.lost) == 1
     assert 500.0 < noisy.lost[0].time < 2500.0
     times = np.linspace(1.0, 2999.0, 50)
-    coasting = fly(case_of(scenario_of(ANEW), 2)).paths.state(times) - ORBIT.coast(
+    coasting = plan_mission(case_of(scenario_of(ANEW), 2)).paths.state(times) - ORBIT.coast(
         [[0, -60, 0, 0, 0, 0], np.zeros(6)], 3000.0
     ).state(times)
     off = noisy.paths.state(times) - still.paths.state(times)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.planning.bounds.branch_and_bound import lower_bound, prove
 from closeform.planning.bounds.zone_pieces import outside, pieces
 from closeform.planning.request import Request
@@ -217,7 +217,7 @@ def test_stage_closes_its_gap_on_request():
     )
     plans = []
     for some in (text, half, asked):
-        mission = fly(parse(some, "cluster.toml", "run"))
+        mission = plan_mission(parse(some, "cluster.toml", "run"))
         plans.append(mission.results[1].result.plan)
         said = [line for one in RunReport(mission).sections for line in one.lines + one.closing]
         assert any("lower bound" in line for line in said)

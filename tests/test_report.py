@@ -8,7 +8,7 @@ import pyarrow.parquet
 import pytest
 
 from closeform.campaign import campaign
-from closeform.mission.mission import FLIES, fly
+from closeform.mission.mission import PLANNERS, plan_mission
 from closeform.report import run
 from closeform.report.description import PAIR, PHASE, Column, Table
 from closeform.report.page import table as as_html
@@ -33,7 +33,7 @@ TABLE = Table(
 
 def test_every_kind_of_stage_runs_and_is_reported() -> None:
     kinds = set(STAGES.values())
-    assert set(FLIES) == set(run.SECTIONS) == kinds
+    assert set(PLANNERS) == set(run.SECTIONS) == kinds
     assert set(campaign.KINDS) == {kind for kind in kinds if kind.searches}
 
 
@@ -90,7 +90,7 @@ def test_cells_of_the_page() -> None:
 )
 def test_every_number_of_a_file_is_in_the_summary(text: str) -> None:
     """Conflicts and spacecraft have the same numbers in Parquet files and in the summary."""
-    report = run.RunReport(fly(parse(text)))
+    report = run.RunReport(plan_mission(parse(text)))
     stages = report.summary["stages"]
     conflicts = report.files["conflicts"]
     told = [met for stage in stages for when in ("before", "after") for met in stage[when]["conflicts"]]

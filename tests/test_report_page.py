@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from closeform.cli.app import main
 from closeform.exchange.ccsds.oem import read_oem
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report import run
 from closeform.report.run import RunReport
 from closeform.report.sections import effort, model
@@ -69,7 +69,7 @@ class Headings(HTMLParser):
 
 @pytest.fixture(scope="module")
 def report():
-    return RunReport(fly(parse(LIMITED, "limited.toml")))
+    return RunReport(plan_mission(parse(LIMITED, "limited.toml")))
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,7 @@ def test_each_requirement_has_its_row(changes, broken):
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     told = list(run.requirements(mission))
     unmet = [what for what, _, met in told if met is False]  # None: within the model error, not shown
     assert (not unmet) == mission.verdict.ok
@@ -224,7 +224,7 @@ def test_model_error_on_an_eccentric_orbit(eccentricity):
 
 def test_model_error_is_that_of_the_farthest_spacecraft():
     """Of two flights one after another, against dense samples."""
-    mission = fly(parse(LIMITED))
+    mission = plan_mission(parse(LIMITED))
     flights = [result.after for result in mission.results]
     reach = model.Reach.of(flights)
     far = max(

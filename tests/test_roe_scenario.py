@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, load, parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -38,7 +38,7 @@ def place(elements: np.ndarray, latitude: float, passed: float) -> np.ndarray:
 
 def test_start_by_relative_elements() -> None:
     """Compare at the start and a third of an orbit later, at the latitude of the file."""
-    mission = fly(parse(FILE))
+    mission = plan_mission(parse(FILE))
     (flown,) = mission.results
     path = flown.after.path("B")
     for time in np.linspace(0.0, flown.end, 7):
@@ -69,7 +69,7 @@ def stage(text: str) -> str:
     ],
 )
 def test_transfer_to_relative_elements(text: str) -> None:
-    mission = fly(parse(stage(text)))
+    mission = plan_mission(parse(stage(text)))
     assert mission.stopped is None
     arrived(mission, "B")
 
@@ -78,7 +78,7 @@ def test_late_arrival_has_its_elements() -> None:
     """With too little thrust, the elements hold at the actual arrival."""
     text = stage(f'do = "avoid"\ncraft = "B"\nto = {TO}\nwithin = "0.1 orbits"')
     text = text.replace("[[stage]]", 'mass = "100 kg"\nmax_thrust = "0.05 N"\n[[stage]]', 1)
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     late = mission.results[-1]
     assert mission.stopped is None
     assert late.end - late.start > 1.05 * 0.1 * mission.orbit.period
@@ -86,7 +86,7 @@ def test_late_arrival_has_its_elements() -> None:
 
 
 def test_spiral_example() -> None:
-    mission = fly(load(EXAMPLES / "inspector.toml"))
+    mission = plan_mission(load(EXAMPLES / "inspector.toml"))
     assert mission.clear
     last = mission.results[-1]
     times = np.linspace(last.start, last.end, 20_001)
@@ -135,5 +135,5 @@ INVALID = {
 def test_invalid_elements_are_rejected(name: str) -> None:
     text, line = INVALID[name]
     with pytest.raises(ScenarioError) as refused:
-        fly(parse(text, "two.toml"))
+        plan_mission(parse(text, "two.toml"))
     assert [one for one in refused.value.lines if one.startswith(f"two.toml: {line}")]

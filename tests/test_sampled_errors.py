@@ -9,7 +9,7 @@ from bridge import hill
 from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.mission.executed_mission import History
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.sections import uncertain
 from closeform.scenario import parse
 from philox import block
@@ -76,7 +76,7 @@ def random_numbers(seed, key, case, count):
 def test_burn_errors_agree_with_integration(scenario):
     """Burns with sampled errors agree with an integration of Hill's equations."""
     case = 2
-    mission = fly(case_of(scenario, case))
+    mission = plan_mission(case_of(scenario, case))
     for result, burns in ((mission.results[0], 2), (mission.results[2], 1)):
         plan, path = result.commanded.path("A"), result.after.path("A")
         sizes = random_numbers(3, f"stage {result.number} of A", case, 4 * burns).reshape(burns, 4)
@@ -108,7 +108,7 @@ def test_burn_errors_agree_with_integration(scenario):
 
 
 def test_stages_are_planned_from_the_deviated_state(scenario):
-    mission = fly(case_of(scenario, 4))
+    mission = plan_mission(case_of(scenario, 4))
     for before, after in zip(mission.results, mission.results[1:], strict=False):
         np.testing.assert_array_equal(
             after.commanded.paths.state(after.start), before.after.paths.state(before.end)
@@ -120,7 +120,7 @@ def test_stages_are_planned_from_the_deviated_state(scenario):
 
 def test_impulse_errors_follow_gates_model(scenario):
     """The error along an impulse is relative, and those across are angles."""
-    mission = fly(case_of(parse(IMPULSES, "impulses.toml", "study"), 1))
+    mission = plan_mission(case_of(parse(IMPULSES, "impulses.toml", "study"), 1))
     result = mission.results[0]
     plan, path = result.commanded.path("A"), result.after.path("A")
     sizes = random_numbers(3, "stage 1 of A", 1, 3 * len(plan.impulses)).reshape(-1, 3)
@@ -138,7 +138,7 @@ def test_starts_have_the_covariance(scenario):
     starts = np.array([History(3, case, "replanned").starts(scenario.craft[0]) for case in range(4000)])
     scaled = starts / np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
     assert np.abs(scaled.T @ scaled / 4000 - np.eye(6)).max() < 5.0 * np.sqrt(2.0 / 4000)
-    mission = fly(case_of(scenario, 5))
+    mission = plan_mission(case_of(scenario, 5))
     nominal = np.array([0.0, -200.0, 0.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(
         mission.results[0].after.path("A").state(0.0) - nominal,
@@ -147,7 +147,7 @@ def test_starts_have_the_covariance(scenario):
     )
     alone = parse(TWICE.replace('"A", "B"', '"A", "Z"'), "twice.toml", "study")
     np.testing.assert_array_equal(
-        fly(case_of(alone, 5)).results[0].after.path("A").state(0.0),
+        plan_mission(case_of(alone, 5)).results[0].after.path("A").state(0.0),
         mission.results[0].after.path("A").state(0.0),
     )
 
@@ -156,7 +156,7 @@ def test_rows_have_the_final_deviations(scenario):
     campaign = evaluated(scenario)
     assert "stage 3, avoid, deviation [m]" in campaign.spreads
     for case in (0, 5):
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         for result in mission.results:
             apart = result.after.paths.position(result.end) - result.commanded.paths.position(result.end)
             told = campaign.column(f"stage_{result.number}_off_m")[case]
@@ -179,7 +179,7 @@ def test_study_agrees_with_runs_of_cases():
     entered = campaign.zones[0]
     some = [*np.flatnonzero(entered.inside)[:20].tolist(), *range(20)]
     for case in some:
-        mission = fly(case_of(scenario, case))
+        mission = plan_mission(case_of(scenario, case))
         conflicts = mission.verdict.conflicts
         assert conflicts == entered.entries[case] + entered.began[case]
         assert mission.paths.state(0.0).shape == (2, 6)  # stages follow each other without a jump
@@ -190,7 +190,7 @@ def test_exact_stages_have_no_probabilities():
     bodies = 'hard_body = "2 m"\nkeep_out = { sphere = "20 m" }\n'
     text = TWICE.replace('keep_out = { sphere = "25 m" }\n', bodies)
     text = text.replace('for = "1 min"', 'for = "1 min"\nsigmas = 3.0')
-    mission = fly(case_of(parse(text, "bodies.toml", "study"), 1))
+    mission = plan_mission(case_of(parse(text, "bodies.toml", "study"), 1))
     burns, coast, again = (result.uncertain for result in mission.results)
     assert burns.bodies.pairs
     assert again.zones.pairs

@@ -9,7 +9,7 @@ import pytest
 import closeform as cf
 from bodies import RATE, Body, first_lock
 from closeform.campaign import case_of, evaluated
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from turns import turns
 
@@ -264,7 +264,7 @@ def test_slew_acceleration_of_each_spacecraft_in_a_study():
     ramps = 'slew_acceleration = ["0.25 deg/s^2", "0.004 deg/s^2"]'
     scenario = parse(RUN.replace('start_offset = ["0 s", "30 s"]', ramps) + STUDY)
     times = evaluated(scenario, 4).time
-    alone = [fly(case_of(scenario, case)).results[0].result.locks.time[0] for case in range(4)]
+    alone = [plan_mission(case_of(scenario, case)).results[0].result.locks.time[0] for case in range(4)]
     assert alone == times.tolist()
     assert (times > 60.0).any()
 
@@ -276,7 +276,7 @@ def test_sun_limit_includes_the_errors():
     campaign = evaluated(scenario, 4)
     for case in range(4):
         one = case_of(scenario, case)
-        run = fly(one)
+        run = plan_mission(one)
         errors = one.search_errors
         bodies = [
             Body(

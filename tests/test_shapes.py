@@ -530,10 +530,10 @@ for = "1000 s"
 
 def test_asymmetric_zone_in_a_scenario():
     """The visitor crosses the plane of the station after 100 s and stays behind it."""
-    from closeform.mission.mission import fly
+    from closeform.mission.mission import plan_mission
     from closeform.scenario import parse
 
-    (met,) = fly(parse(SCENARIO)).results[0].after.conflicts
+    (met,) = plan_mission(parse(SCENARIO)).results[0].after.conflicts
     assert (met.first, met.second) == ("visitor", "station")
     assert (met.start, met.end) == (pytest.approx(100.0, abs=1e-10), 1000.0)
     assert met.ratio == pytest.approx(-17.0)

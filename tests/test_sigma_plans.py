@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import closeform as cf
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.motion.joining import stack
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
@@ -317,7 +317,7 @@ within = "0.15 orbits"
 
 def test_reconfigure_stage_keeps_the_requested_sigmas():
     text = SCENARIO.replace('"0 0 0 m", "3', '"0 -60 30 m", "3') + TOGETHER
-    without, kept = fly(parse(text)), fly(parse(text + "sigmas = 3.0\n"))
+    without, kept = plan_mission(parse(text)), plan_mission(parse(text + "sigmas = 3.0\n"))
     assert kept.results[-1].result.plan.sigmas == 3.0
     assert without.results[-1].uncertain.nearest.sigmas < 3.0 <= kept.results[-1].uncertain.nearest.sigmas
     assert kept.verdict.ok

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.mission_result import Mission
 from closeform.mission.simulation_verdict import Entered
 from closeform.mission.stage_margin import reference_errors
@@ -292,7 +292,7 @@ def test_margin_uses_the_errors_at_the_start_of_its_plan():
     coasted = orbit.transition(120.0) @ own[0].state @ orbit.transition(120.0).T
     (late,) = reference_errors(first.leaving(BurnRoom(before=120.0)), [0])
     assert late.state == pytest.approx(coasted, rel=1e-9, abs=1e-12)
-    coast = fly(parse(swap(craft=EXECUTION, more=COAST), "swap.toml")).results[:1]
+    coast = plan_mission(parse(swap(craft=EXECUTION, more=COAST), "swap.toml")).results[:1]
     (later,) = reference_errors(replace(first, number=2, executed=coast, errors=()), [1])
     assert later.state == pytest.approx(own[1].state)
     assert (later.magnitude, late.magnitude) == (0.01, 0.01)
@@ -305,7 +305,7 @@ def test_margin_of_a_later_stage_covers_remaining_deviations():
 
     def mission(margin: str, craft: str) -> Mission:
         text = swap(craft=craft, more=f'margin = "{margin}"\n' + slow)
-        return fly(parse(text.replace("[[stage]]\nname", f"{COAST}\n[[stage]]\nname"), "late.toml"))
+        return plan_mission(parse(text.replace("[[stage]]\nname", f"{COAST}\n[[stage]]\nname"), "late.toml"))
 
     sure, found = (mission("auto", craft) for craft in ("", off))
     known, needed = (one.results[1].result.plan.padding for one in (sure, found))
@@ -320,10 +320,10 @@ def test_margin_of_pulses_holds_after_a_coast():
     text = swap(craft=SETS, more='margin = "MARGIN"\n' + NAVIGATION + "\n[simulation]\nseeds = 40\n")
     text = text.replace("[[stage]]\nname", f"{COAST.replace('10 min', '72 min')}\n[[stage]]\nname")
     text = text.replace('"0 0 120 m", "0 0 -120 m"]', '"0 50 120 m", "0 0 -120 m"]', 1)
-    found = fly(parse(text.replace("MARGIN", "auto"), "pulses.toml"))
+    found = plan_mission(parse(text.replace("MARGIN", "auto"), "pulses.toml"))
     assert found.flights.flight.violated == 0.0
     assert 1.0 < found.results[1].result.plan.padding < 3.0  # m
-    assert fly(parse(text.replace("MARGIN", "0 m"), "pulses.toml")).flights.flight.violated > 0.5
+    assert plan_mission(parse(text.replace("MARGIN", "0 m"), "pulses.toml")).flights.flight.violated > 0.5
 
 
 def test_execution_errors_given_by_an_option(run: Path, tmp_path: Path):

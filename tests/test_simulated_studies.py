@@ -15,7 +15,7 @@ from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
 from closeform.dynamics.force_model.drag import EARTH_SPIN
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.report.mission_study import missions_report
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
@@ -77,17 +77,17 @@ def test_run_simulates_like_the_command(tmp_path: Path, capsys):
         ["1", "reconfigure"],
         ["2", "coast"],
     ]
-    for name, other in (("flights", "flights"), ("ratios", "ratios"), ("ends", "ends"), ("paths", "flown")):
+    for name, other in (("flights", "flights"), ("ratios", "ratios"), ("ends", "ends"), ("paths", "worst")):
         one, two = (
             pyarrow.parquet.read_table(tmp_path / place / f"{file}.parquet")
             for place, file in (("alone", name), ("run", other))
         )
         assert one.equals(two)
     page = (tmp_path / "run" / "report.html").read_text()
-    assert "flown.html" in page
+    assert "worst.html" in page
     assert "No craft enters a keep-out zone in the simulation" in page
     assert (tmp_path / "run" / "flights-ratios.png").is_file()
-    assert (tmp_path / "run" / "flown.html").stat().st_size > 10_000
+    assert (tmp_path / "run" / "worst.html").stat().st_size > 10_000
     plans = [cf.load(tmp_path / name).paths.arcs for name in ("run", "plain")]
     assert np.array_equal(*plans)  # loaded paths are those of the plan
 
@@ -96,7 +96,7 @@ def test_limits_apply_to_the_costliest_simulation():
     """A budget between the plan and the costliest simulation is exceeded; one above both is kept."""
     more = 'margin = "auto"\n' + ERRORS + FLIGHT.format(seeds=8)
     tank = 'mass = "10 kg"\nspecific_impulse = "60 s"\n'
-    mission = fly(parse(swap(craft=tank, more=more)))
+    mission = plan_mission(parse(swap(craft=tank, more=more)))
     planned, most = mission.delta_v.sum(axis=0), mission.flights.flight.delta_v.max(axis=0)
     burnt = 10.0 * -np.expm1(-most / (60.0 * 9.80665))
     k = int(np.argmax(most - planned))
@@ -111,7 +111,7 @@ def test_limits_apply_to_the_costliest_simulation():
                 f'"{low[j] + (share if j == k else 2.0) * abs(high[j] - low[j])} {unit}"' for j in range(2)
             ]
             text = swap(craft=f"{tank}{key} = [{', '.join(limits)}]", more=more)
-            verdict = fly(parse(text)).verdict
+            verdict = plan_mission(parse(text)).verdict
             assert verdict.ok == kept
             what = {"delta_v_budget": "delta-v"}.get(key, key)
             assert kept or str(verdict) == f"limits are not kept: {what} ({names[k]})"
@@ -140,7 +140,7 @@ def test_open_loop_simulation(tmp_path: Path):
 def test_row_equals_its_simulation(missions, case: int):
     """Sampled values apply to the simulation; the plan uses the values of the file."""
     found, scenario = row(missions, case), missions.scenario
-    truth, mission = case_of(scenario, case).truth, fly(case_of(scenario, case))
+    truth, mission = case_of(scenario, case).truth, plan_mission(case_of(scenario, case))
     density, seen = truth.orbit.field.density, truth.navigation.position
     assert density != scenario.orbit.field.density
     air, known = (
@@ -158,13 +158,13 @@ def test_row_equals_its_simulation(missions, case: int):
         thrust_error=(0.01, np.radians(1.0)),
         seeds=[int(found["flight_seed"])],
     )
-    assert found["flown_ratio"] == own.least_ratio
-    assert found["flown_end_m"] == own.greatest_end == found["stage_2_end_m"]
-    assert found["flown_off_m"] == own.greatest_deviation
-    assert found["flown_delta_v_m_s"] == own.delta_v.sum()
+    assert found["simulated_ratio"] == own.least_ratio
+    assert found["simulated_end_m"] == own.greatest_end == found["stage_2_end_m"]
+    assert found["simulated_off_m"] == own.greatest_deviation
+    assert found["simulated_delta_v_m_s"] == own.delta_v.sum()
     assert found["field_delta_v_m_s"] == own.field_delta_v.sum()
     assert found["feedback_delta_v_m_s"] == own.feedback_delta_v.sum()
-    assert [found[f"{name}_flown_delta_v_m_s"] for name in "AB"] == own.delta_v[0].tolist()
+    assert [found[f"{name}_simulated_delta_v_m_s"] for name in "AB"] == own.delta_v[0].tolist()
     assert found["delta_v_m_s"] == pytest.approx(own.planned_delta_v.sum(), rel=1e-12)
     assert (found["status"] == "met") == (own.least_ratio >= 1.0)
     assert missions.scenario.flights.seeds == 100  # of a run; a case has one of its own
@@ -204,7 +204,7 @@ def test_case_does_not_depend_on_its_chunk(missions):
 
 def test_violations_and_delta_v_are_counted(missions):
     """Violations, minimum ratios and delta-v by cause follow from the rows."""
-    ratios, spent = missions.column("flown_ratio"), missions.column("flown_delta_v_m_s")
+    ratios, spent = missions.column("simulated_ratio"), missions.column("simulated_delta_v_m_s")
     flights = missions.flights
     assert 0 < flights.entered == (ratios < 1.0).sum() < len(missions) == flights.count
     assert missions.counts["unmet"] == flights.entered  # all else is met
@@ -238,7 +238,7 @@ def test_simulation_without_errors_agrees_with_an_integrator():
         more='\n[simulation]\ncontrol = "open"\n' + study,
     )
     scenario = parse(text, "air.toml")
-    mission = fly(case_of(scenario, 3))
+    mission = plan_mission(case_of(scenario, 3))
     truth, plan = mission.scenario.truth, mission.paths
     density, chief = truth.orbit.field.density, scenario.chief
     coefficients = np.array([0.02, *(one.ballistic for one in truth.craft)])[:, None]
@@ -360,7 +360,7 @@ def test_infeasible_cases_are_not_counted_as_simulations():
     for why, off in zip(reasons, grounded, strict=True):
         assert ("cannot be simulated: acceleration: B: at about " in why) == off
     assert (missions.column("delta_v_m_s") > 0.1).all()  # m/s, of the plan
-    for name in ("end_s", "flown_end_m", "flown_delta_v_m_s", "flown_ratio"):
+    for name in ("end_s", "simulated_end_m", "simulated_delta_v_m_s", "simulated_ratio"):
         assert np.array_equal(np.isnan(missions.column(name)), grounded)
     assert missions.flights.count == 6 - grounded.sum()
     assert missions.counts["refused"] == grounded.sum()

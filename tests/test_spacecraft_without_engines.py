@@ -10,7 +10,7 @@ import pytest
 import closeform as cf
 from closeform.campaign import case_of
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.scenario.table import ScenarioError
 from test_lost_thrust import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
@@ -223,7 +223,7 @@ def _drift(scenario, path: cf.Path, time: float) -> float:
 def test_automatic_margin_covers_the_drift():
     """The margin of a drifting client is larger, and no simulation violates it."""
     missions = {
-        engine: fly(
+        engine: plan_mission(
             parse(CLIENT.format(craft=craft, stage='margin = "auto"') + "\n[simulation]\nseeds = 20\n")
         )
         for engine, craft in ((True, ""), (False, DEAD))
@@ -242,7 +242,7 @@ def test_dead_client_in_a_study():
     )
     text = CLIENT.format(craft=DEAD, stage="") + draws
     for case in range(3):
-        mission = fly(case_of(parse(text, command="study"), case))
+        mission = plan_mission(case_of(parse(text, command="study"), case))
         flight = mission.flights.flight
         drift = _drift(mission.scenario.truth, mission.paths[1], mission.results[1].end)
         assert flight.ends[0, 1] == pytest.approx(drift, abs=1e-3)

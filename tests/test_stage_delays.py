@@ -10,7 +10,7 @@ import pytest
 
 import closeform as cf
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.verdict import Late, Use, Verdict, raised
 from closeform.report.run import RunReport
 from closeform.scenario import parse
@@ -88,7 +88,7 @@ def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> N
     assert summary["warnings"][0].endswith(' would avoid the delay; see "Tried"')
     for factor, kept in ((1.0, True), (0.998, False)):
         force = [f'"{factor * needed.get(name, 1.0)!r} N"' for name in ("chief", "insp")]
-        mission = fly(parse(scenario(stage).replace('"1 mN"', f"[{', '.join(force)}]")))
+        mission = plan_mission(parse(scenario(stage).replace('"1 mN"', f"[{', '.join(force)}]")))
         assert (mission.results[0].end == pytest.approx(late["asked_s"], rel=1e-9)) is kept
         assert mission.verdict.ok is kept
 
@@ -112,7 +112,7 @@ def test_search_for_longer_times_is_bounded(place: str, stage: str) -> None:
     if place == "deep space":
         text = text.replace('altitude = "500 km"', "deep_space = true").replace("0.4 orbits", "2000 s")
         text = re.sub(r"to = \{ safety.*", 'to = [{ position = "0 300 0 m", velocity = "0 0 0 m/s" }]', text)
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     assert mission.verdict.status == 1
     asked = 2000.0 if place == "deep space" else ASKED
     most = 100.0 * asked if place == "deep space" else ASKED / 0.04
@@ -162,7 +162,7 @@ def test_cost_comparison_uses_equal_times() -> None:
     straight = scenario(AROUND, thrust="5 mN").replace('altitude = "500 km"', "deep_space = true")
     straight = straight.replace("0.4 orbits", f"{ASKED!r} s").replace("-300 0 m", "-300 3 m")
     for text, contacts in ((scenario(AROUND), False), (straight, True)):
-        mission = fly(parse(text))
+        mission = plan_mission(parse(text))
         (flown,), (section,) = mission.results, RunReport(mission).sections
         moved = flown.result
         assert bool(moved.plan.contacts) is contacts
@@ -181,6 +181,6 @@ def test_cost_comparison_uses_equal_times() -> None:
             assert section.closing[0] == f"Method exact: the direct path over {took:.1f} s is clear"
         longer = section.figures["change"]["direct_longer"]
         assert longer["energy_m2_s3"] == pytest.approx(again.energy, rel=1e-9)
-    punctual = RunReport(fly(parse(scenario(AROUND, thrust="1 N")))).sections[0]
+    punctual = RunReport(plan_mission(parse(scenario(AROUND, thrust="1 N")))).sections[0]
     assert "lasts [s]" not in [column.heading for column in punctual.tables[0].shown]
     assert punctual.figures["change"]["direct_longer"] is None

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from bridge import hill
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import ScenarioError, parse
 from field_scenario import swap
@@ -129,7 +129,7 @@ def test_engine_of_each_stage_and_common_tank(ran):  # noqa: F811
     assert used == pytest.approx(12.0 - by_hand, rel=1e-9)
     assert sum(burn["propellant_kg"] for burn in burns) == pytest.approx(used, rel=1e-9)
     for missing in (0.01, -0.01):  # g
-        mission = fly(parse(TWO_ENGINES.replace("9.9 g", f"{1e3 * used - missing:.3f} g")))
+        mission = plan_mission(parse(TWO_ENGINES.replace("9.9 g", f"{1e3 * used - missing:.3f} g")))
         assert mission.verdict.status == (missing > 0)
         assert any("of propellant, it has" in line for line in mission.warnings) == (missing > 0)
 
@@ -142,7 +142,7 @@ def test_engine_of_a_stage_equals_that_of_the_spacecraft(verb, cost, engine):
     other = 'max_acceleration = "1 m/s^2"' if engine == LIMIT else ""
     craft = parse(text.replace("CRAFT", engine).replace("STAGE", f'cost = "{cost}"'))
     stage = parse(text.replace("CRAFT", other).replace("STAGE", f'cost = "{cost}"\n{engine}'))
-    one, two = fly(craft), fly(stage)
+    one, two = plan_mission(craft), plan_mission(stage)
     assert one.stopped == two.stopped
     assert one.verdict.status == two.verdict.status
     assert np.array_equal(one.paths.arcs, two.paths.arcs)
@@ -156,8 +156,8 @@ def test_engine_of_a_stage_equals_that_of_the_spacecraft(verb, cost, engine):
 def test_thrust_limit_of_a_stage_extends_it():
     text = FORMATION.replace("VERB", VERBS["avoid"]).replace("CRAFT", 'max_thrust = "1 N"')
     free, short = (
-        fly(parse(text.replace("STAGE", ""))),
-        fly(parse(text.replace("STAGE", 'max_thrust = "1.5 mN"'))),
+        plan_mission(parse(text.replace("STAGE", ""))),
+        plan_mission(parse(text.replace("STAGE", 'max_thrust = "1.5 mN"'))),
     )
     assert (free.verdict.status, short.verdict.status) == (0, 1)
     (late,) = short.verdict.late
@@ -169,8 +169,8 @@ ENGINE = 'max_thrust = "50 mN"\nthrusters = "rtn"\nperiod = "30 s"\nminimum_bit 
 
 
 def test_simulations_use_the_thrusters_of_the_stage():
-    stage = fly(parse(swap(craft='mass = "12 kg"', more=f"{ENGINE}\n")))
-    craft = fly(parse(swap(craft=f'mass = "12 kg"\n{ENGINE}')))
+    stage = plan_mission(parse(swap(craft='mass = "12 kg"', more=f"{ENGINE}\n")))
+    craft = plan_mission(parse(swap(craft=f'mass = "12 kg"\n{ENGINE}')))
     flown = [SimulatedRun.of(run, "track", run.scenario.flight, 2) for run in (stage, craft)]
     assert flown[0].thrusters == ("A", "B")
     assert np.array_equal(flown[0].flight.states, flown[1].flight.states)
@@ -182,7 +182,7 @@ def test_simulations_use_the_specific_impulse_of_each_stage():
     more = '\n[[stage]]\ndo = "reconfigure"\nwithin = "0.4 orbits"\nspecific_impulse = "60 s"\nto = '
     ends = (f'{{ position = "0 0 {z} m", velocity = "0 0 0 m/s" }}' for z in (120, -120))
     more += f"[{', '.join(ends)}]"
-    run = fly(parse(swap(craft='mass = "12 kg"\nspecific_impulse = "220 s"', more=more)))
+    run = plan_mission(parse(swap(craft='mass = "12 kg"\nspecific_impulse = "220 s"', more=more)))
     flown = SimulatedRun.of(run, "open", run.scenario.flight, 1)
     planned = flown.burnt(slice(None), run.delta_v.sum(axis=0))
     assert planned == pytest.approx(run.propellant.sum(axis=0), rel=1e-12)
@@ -213,6 +213,6 @@ def test_sweep_of_a_stage_key(tmp_path, capsys):
     points = json.loads((tmp_path / "out" / "summary.json").read_text())
     told = json.dumps(points)
     for thrust, status in (("1.5 mN", 1), ("40 mN", 0)):
-        mission = fly(parse(text.replace("40 mN", thrust)))
+        mission = plan_mission(parse(text.replace("40 mN", thrust)))
         assert mission.verdict.status == status
         assert f"{mission.delta_v.sum():.6g}"[:6] in told

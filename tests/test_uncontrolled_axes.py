@@ -5,7 +5,7 @@ import pytest
 
 import closeform as cf
 from closeform.dynamics.simulation.thruster_model import controllable_axes, lacks_axis
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from field_scenario import swap
 from test_field_scenario import flown_apart
@@ -55,12 +55,12 @@ def test_run_reports_the_uncontrolled_axis():
     text = swap(craft=CRAFT, more='margin = "auto"\n' + NAVIGATION)
     for sign in ("", "-"):
         text = text.replace(f'"0 0 {sign}120 m"', f'"0 {sign}120 0 m"')
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     assert mission.stopped is not None
     assert mission.stopped.startswith("stage 1 (reconfigure): no margin fits: the plan is not feasible: ")
     assert "thrusters: A: an axis without a thruster" in mission.stopped
     assert mission.verdict.status == 1
-    flown = fly(parse(text.replace('"auto"', '"1 m"')))
+    flown = plan_mission(parse(text.replace('"auto"', '"1 m"')))
     assert flown.stopped is None
     off = flown.flights.flight.states[..., 2]
     assert flown.flights.unled == pytest.approx(

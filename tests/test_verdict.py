@@ -13,7 +13,7 @@ import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of
 from closeform.cli.app import main
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.verdict import Use, Verdict, conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
@@ -84,7 +84,7 @@ def test_plan_beyond_budget_and_propellant(
     assert (over["craft"], over["what"], over["unit"]) == ("A", what, unit)
     need = SPENT if unit == "m/s" else 100.0 * -np.expm1(-SPENT / (60.0 * G0))
     assert over["used"] == pytest.approx(need, rel=1e-9)
-    mission = fly(parse(passing(limits, text=CLEAR)))
+    mission = plan_mission(parse(passing(limits, text=CLEAR)))
     assert mission.clear
     assert not mission.verdict.ok
     assert mission.verdict.status == 1
@@ -124,7 +124,7 @@ def test_stopped_mission_reports_an_exceeded_budget() -> None:
     stage = passing('delta_v_budget = "0.3 m/s"') + TWO[TWO.index("\n[[stage]]") :].replace(
         "0 100 3", "0 5 3"
     )
-    mission = fly(parse(stage))
+    mission = plan_mission(parse(stage))
     assert mission.stopped is not None
     words = str(mission.verdict)
     assert words.startswith("stopped in stage 2 (avoid): ")
@@ -156,7 +156,7 @@ for = "1500 s"
 do = "coast"
 for = "12000 s"
 """
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     # z = 200 m cos(n t) is within 20 m of A around 1500, 4500, 7500, 10500 and 13500 s; the stages' edge at
     # 1500 s cuts the first in two, which counts as one conflict
     assert [len(result.after.conflicts) for result in mission.results] == [1, 5]
@@ -183,7 +183,7 @@ keep_out = {{ sphere = "20 m" }}
 do = "coast"
 for = "12000 s"
 """
-    report = RunReport(fly(parse(text)))
+    report = RunReport(plan_mission(parse(text)))
     assert str(report.mission.verdict) == "180 conflicts of 45 pairs remain"
     (section,) = report.sections
     assert section.lines[0].startswith("Conflicts: 180 in 45 of 45 pairs; ")
@@ -331,7 +331,7 @@ def test_coasting_spacecraft_reaches_its_natural_end() -> None:
         'to = { position = "0 100 3 m", velocity = "0 0 0 m/s" }\n', ""
     )
     text = text.replace(REST, 'velocity = ["0 20 0 cm/s", "0 0 0 m/s"]')
-    mission = fly(parse(text))
+    mission = plan_mission(parse(text))
     assert mission.verdict.clear
     (stage,) = mission.results
     assert stage.end > 1000.0
@@ -377,7 +377,7 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
     mass = 100.0
     for cost in (
         summary["stages"][0]["change"]["around"],
-        summary["stages"][1]["plan"]["craft"]["A"]["flown"],
+        summary["stages"][1]["plan"]["craft"]["A"]["planned"],
     ):
         burnt = -mass * np.expm1(-cost["delta_v_m_s"] / (60.0 * G0))
         assert cost["propellant_kg"] == pytest.approx(burnt, rel=1e-12)
@@ -456,7 +456,7 @@ def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, c
     Path("lost.toml").write_text(text)
     campaign = cf.study("lost.toml")
     scenario = parse(text, "lost.toml")
-    alone = [fly(case_of(scenario, case)).verdict for case in range(len(campaign))]
+    alone = [plan_mission(case_of(scenario, case)).verdict for case in range(len(campaign))]
     np.testing.assert_array_equal(campaign.good, [one.ok for one in alone])
     np.testing.assert_array_equal(campaign.kept["clear"], [not one.conflicts for one in alone])
     limits = {"delta-v", "propellant"} if stage == "gather" else set()  # nothing burns in a lock
@@ -489,7 +489,7 @@ def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, c
 def test_thrust_is_plotted_in_newtons_for_force_limits() -> None:
     text = passing('max_thrust = "1 N"')
     for scenario, unit, mass in ((text, "N", 100.0), (text.replace('max_thrust = "1 N"', ""), "m/s²", None)):
-        report = RunReport(fly(parse(scenario)))
+        report = RunReport(plan_mission(parse(scenario)))
         (picture,) = [one for one in report.sections[0].pictures if one.plot == "thrust"]
         assert picture.options == {"mass": mass}
         figure = cf.plots.thrust(*picture.arguments, **picture.options)

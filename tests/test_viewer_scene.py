@@ -15,7 +15,7 @@ import closeform as cf
 from closeform.cli.app import main
 from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.mission_result import Mission
 from closeform.scenario import parse
 from closeform.viewer.fleet import record
@@ -48,7 +48,7 @@ def seen(name: str) -> Seen:
 
 
 def flown(text: str) -> Mission:
-    return fly(parse(text, "file.toml", "run"))
+    return plan_mission(parse(text, "file.toml", "run"))
 
 
 @pytest.mark.parametrize("name", FLOWN)
@@ -57,7 +57,7 @@ def test_scenes_follow_their_schema(name: str) -> None:
     blocks = re.findall(r"\"at\": (\d+), \"rows\": (\d+)", str(seen(name).record).replace("'", '"'))
     assert all(int(at) <= len(seen(name).bytes) for at, _ in blocks)
     kinds = {track["kind"] for track in seen(name).record["tracks"]}
-    assert "flown" in kinds
+    assert "executed" in kinds
 
 
 def test_all_kinds_of_records_occur() -> None:
@@ -67,7 +67,7 @@ def test_all_kinds_of_records_occur() -> None:
     for key in lists:
         assert key in ("warnings", "pictures") or any(seen(name).record[key] for name in FLOWN), key
     tracks = [track["kind"] for name in FLOWN for track in seen(name).record["tracks"]]
-    assert set(tracks) == {"flown", "before", "planned", "drift"}
+    assert set(tracks) == {"executed", "before", "planned", "drift"}
 
 
 @pytest.mark.parametrize("name", FLOWN)
@@ -77,7 +77,9 @@ def test_cubic_pieces_keep_their_stated_error(name: str) -> None:
     worst = 0.0
     for track in page.record["tracks"]:
         result = flights[track["stage"]]
-        paths = {"flown": result.after, "before": result.before, "planned": result.planned}.get(track["kind"])
+        paths = {"executed": result.after, "before": result.before, "planned": result.planned}.get(
+            track["kind"]
+        )
         if paths is None:
             continue
         path = paths.paths[track["craft"]]
@@ -93,7 +95,7 @@ def test_cubic_pieces_keep_their_stated_error(name: str) -> None:
 def test_tracks_of_stages_are_continuous(name: str) -> None:
     page = seen(name)
     for craft in range(len(page.record["craft"])):
-        ways = [t for t in page.record["tracks"] if t["kind"] == "flown" and t["craft"] == craft]
+        ways = [t for t in page.record["tracks"] if t["kind"] == "executed" and t["craft"] == craft]
         assert [way["stage"] for way in ways] == [stage["number"] for stage in page.record["stages"]]
         for one, other in zip(ways[:-1], ways[1:], strict=True):
             jump = page.rows(one["states"])[-1, :3] - page.rows(other["states"])[0, :3]
@@ -108,7 +110,7 @@ def test_impulses_have_the_velocities_before_and_after() -> None:
         way = next(
             t
             for t in page.record["tracks"]
-            if (t["kind"], t["craft"], t["stage"]) == ("flown", burn["craft"], burn["stage"])
+            if (t["kind"], t["craft"], t["stage"]) == ("executed", burn["craft"], burn["stage"])
         )
         times, states = page.rows(way["times"]), page.rows(way["states"])
         for time, _, *push in page.rows(burn["rows"]):
@@ -305,7 +307,7 @@ def test_failed_plan_is_shown_but_not_executed() -> None:
     text = (EXAMPLES / "cluster.toml").read_text()
     weak = flown(text.replace('max_thrust = "0.5 N"', 'max_thrust = "1 uN"'))
     scene = scene_of(Shown.of_mission(weak)).record
-    assert [stage["flown"] for stage in scene["stages"]] == [True, False]
+    assert [stage["executed"] for stage in scene["stages"]] == [True, False]
     assert "not executed" in scene["stages"][1]["title"]
     assert scene["stages"][1]["failure"] in scene["verdict"]
     assert not scene["ok"]

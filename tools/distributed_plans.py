@@ -52,7 +52,7 @@ def compared(count: int, seed: int, orbit: cf.Orbit) -> list[float] | None:
     least = problem.energy(problem.direct)
     found = [by_messages(problem, range(count), delays=delay) for delay in DELAYS]
     others = [cf.reconfigure(**task.arguments, method=method) for method in ("joint", "sequential")]
-    if any(one.flown is None for one in found) or not all(plan.ok for plan in others):
+    if any(one.trajectories is None for one in found) or not all(plan.ok for plan in others):
         return None
     extra = [plan.energy / least - 1.0 for plan in others] + [found[0].extra / least]
     return [*extra, float(found[0].messages), *(float(one.rounds) for one in found)]

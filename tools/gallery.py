@@ -58,8 +58,8 @@ EXAMPLES = {
         "cubesats": "pulses",
     },
     "Simulate in a high-fidelity model": {
-        "flown_swap": "paths",
-        "flown_cases": "flown-ratios",
+        "simulated_swap": "paths",
+        "simulated_cases": "flown-ratios",
     },
     "Passive safety": {
         "inspector_hold": "drift",
@@ -77,10 +77,10 @@ and tables. `closeform new NAME` copies an example as the start of a [scenario](
 TAIL = """
 ## Simulate a run
 
-Simulate the plan of `flown_swap` a hundred times, with errors ([from claim to evidence](evidence.md)):
+Simulate the plan of `simulated_swap` a hundred times, with errors ([from claim to evidence](evidence.md)):
 
 ```sh
-closeform simulate flown_swap-results
+closeform simulate simulated_swap-results
 ```
 
 ## Ephemerides and messages

@@ -60,7 +60,7 @@ export interface Scene {
   sun: Vector | null;
   /** How far a track joined by cubic Hermite pieces is from the closed form at most [m]. */
   error: number;
-  /** A box that holds all flown tracks and their zones [m]: where cameras begin. */
+  /** A box that holds all executed tracks and their zones [m]: where cameras begin. */
   low: Vector;
   high: Vector;
 
@@ -146,22 +146,22 @@ export interface Stage {
   end: number;
   /** Null if all is well; else why the mission cannot go on after it. */
   failure: string | null;
-  /** False for a plan that failed: its paths are shown, but are not flown. */
-  flown: boolean;
+  /** False for a plan that failed: its paths are shown, but are not executed. */
+  executed: boolean;
 }
 
 /**
  * One craft's way during one stage. Rows (x, y, z, vx, vy, vz) of `states` at the rows of `times`, to be joined
  * by cubic Hermite pieces; two rows at one time are the velocities before and after an impulse.
  *
- * flown: as flown. before: without avoidance. planned: the plan that pulses follow. drift: after a failure.
- * The flown tracks of one craft follow each other without gaps, with a row of its own at each joint. Kinds other
- * than "flown" stand only for craft of which they differ from what is flown.
+ * executed: as executed. before: without avoidance. planned: the plan that pulses follow. drift: after a failure.
+ * The executed tracks of one craft follow each other without gaps, with a row of its own at each joint. Kinds other
+ * than "executed" stand only for craft of which they differ from what is executed.
  */
 export interface Track {
   craft: Index;
   stage: number;
-  kind: "flown" | "before" | "planned" | "drift";
+  kind: "executed" | "before" | "planned" | "drift";
   start: number;
   end: number;
   /** f8, one column [s]. */
@@ -200,7 +200,7 @@ export interface SearchScene {
   sets: Block | null;
 }
 
-/** Thrust acceleration of one craft as flown in one stage: f4 rows (t - start, ux, uy, uz) [s, m/s^2], linear between. */
+/** Thrust acceleration of one craft as executed in one stage: f4 rows (t - start, ux, uy, uz) [s, m/s^2], linear between. */
 export interface Thrust {
   craft: Index;
   stage: number;
@@ -240,7 +240,7 @@ export interface Conflict {
   ratio: number;
 }
 
-/** The closest approach of a pair as flown, the closest first; of very many only the closest. */
+/** The closest approach of a pair as executed, the closest first; of very many only the closest. */
 export interface Approach {
   first: Index;
   second: Index;

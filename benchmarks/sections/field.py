@@ -85,7 +85,7 @@ def measure(quick: bool) -> Report:
         alone = cf.simulate(one, FIELD, "open", cancel=False, zones=zone)
         lost.append(alone.ends.max())
         predicted.append(np.abs(before.ends / alone.ends[0] - 1.0).max())
-        nearest.append(np.abs(before.flown - alone.ratios[0]).max() * zone.radius)
+        nearest.append(np.abs(before.simulated - alone.ratios[0]).max() * zone.radius)
     rows += [
         [
             f"open loop, {len(kept)} plans, planned thrust",

@@ -11,8 +11,8 @@ export class Moment {
   constructor(scene) {
     this.scene = scene;
     this.tracks = scene.tracks.map((entry) => new Track(entry, scene));
-    const flown = scene.craft.map((_, k) => this.tracks.filter((track) => track.kind === "flown" && track.craft === k));
-    this.ways = flown.map((tracks) => (tracks.length ? new Way(tracks) : null));
+    const executed = scene.craft.map((_, k) => this.tracks.filter((track) => track.kind === "executed" && track.craft === k));
+    this.ways = executed.map((tracks) => (tracks.length ? new Way(tracks) : null));
     this.positions = scene.craft.map(() => [0, 0, 0]);
     this.searches = scene.searches.map((search) => ({
       ...search,

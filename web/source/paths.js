@@ -16,7 +16,7 @@ export class Paths {
       drifts: this.layer("drift", 1, () => ({ name: "drift" }), { width: 1.2, alpha: 0.55 }),
       before: this.layer("before", 0.55, () => ({ name: "before" }), { width: thin ? 1 : 1.5, dash: 9, alpha: 0.9 }),
       planned: this.layer("planned", 1, colour, { width: 1, dash: 5, alpha: 0.8 }),
-      paths: this.layer("flown", thin ? 0.18 : 0.34, colour, { width: thin ? 1.1 : 2.1 }),
+      paths: this.layer("executed", thin ? 0.18 : 0.34, colour, { width: thin ? 1.1 : 2.1 }),
       conflicts: this.stretches(thin),
     };
   }
@@ -36,7 +36,7 @@ export class Paths {
     for (const { first, second, stage, when, start, end } of this.scene.conflicts) {
       for (const craft of [first, second]) {
         const own = this.moment.tracks.filter((track) => track.craft === craft && track.stage === stage);
-        const track = (when === "before" && own.find(({ kind }) => kind === "before")) || own.find(({ kind }) => kind === "flown");
+        const track = (when === "before" && own.find(({ kind }) => kind === "before")) || own.find(({ kind }) => kind === "executed");
         if (track && end > track.start && start < track.end) {
           lines.push([track.chords(this.tolerance, start, end), { name: "conflict" }, when === "after" ? { width: thin ? 2 : 4 } : { width: thin ? 1.5 : 3, alpha: 0.6 }]);
         }

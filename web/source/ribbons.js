@@ -1,4 +1,4 @@
-// Ribbons: lines some pixels wide, thousands of segments in one draw, strong where flown and faint beyond now.
+// Ribbons: lines some pixels wide, thousands of segments in one draw, strong where executed and faint beyond now.
 // Each segment has four corners of its own: to draw instances of one is slow where there is no graphics card.
 
 import {

@@ -29,7 +29,7 @@ function orbital(moment) {
 /** How broad the ways look from a side: the lesser spread of their points on the picture. */
 function breadth(moment, frame, azimuth, elevation) {
   const view = new View("", "", frame, azimuth, elevation);
-  const points = moment.tracks.filter(({ kind }) => kind === "flown").flatMap((track) => {
+  const points = moment.tracks.filter(({ kind }) => kind === "executed").flatMap((track) => {
     const chords = track.chords(Infinity);
     return Array.from({ length: chords.length / 4 }, (_, k) => chords.slice(4 * k, 4 * k + 3));
   }).map((point) => [dot(point, view.right), dot(point, view.up)]);

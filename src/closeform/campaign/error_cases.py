@@ -17,7 +17,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.cases import CaseChunks, Cases, Columns, Statistics
 from closeform.mission.executed_mission import ProcessNoise, drawn
-from closeform.mission.mission import fly
+from closeform.mission.mission import plan_mission
 from closeform.mission.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
@@ -87,12 +87,12 @@ class ErrorCases(Cases):
     @cached_property
     def mission(self) -> Mission:
         """Mission, executed as planned."""
-        return fly(self.scenario)
+        return plan_mission(self.scenario)
 
     @cached_property
     def noise(self) -> ProcessNoise | None:
         """Process noise of the craft; None without any."""
-        executed = self.mission.flown
+        executed = self.mission.executed
         if not (self.scenario.noisy and executed):
             return None
         return ProcessNoise.beside_zones(self.scenario, self.seed, executed[-1].end)
@@ -100,7 +100,7 @@ class ErrorCases(Cases):
     @cached_property
     def encounters(self) -> dict[str, list[Encounter]]:
         """Pairs of which either craft has errors, by kind: "zone", and "body" for hard bodies."""
-        scenario, executed = self.scenario, self.mission.flown
+        scenario, executed = self.scenario, self.mission.executed
         if not executed:
             return {}
         paths = [join([result.after.path(name) for result in executed]) for name in scenario.names]
@@ -138,7 +138,7 @@ class ErrorCases(Cases):
         """Return the conflicts of the given cases; with process noise in parts, which limits the memory."""
         if self.noise is None:
             return self.conflicts(first, last, np.empty(0))
-        count, craft = self.noise.steps(self.mission.flown[-1].end), self.scenario.craft
+        count, craft = self.noise.steps(self.mission.executed[-1].end), self.scenario.craft
         size = max(1, NUMBERS // (6 * count * len(craft)))
         parts = []
         for begin in range(first, last, size):

@@ -38,7 +38,7 @@ ABOVE = "above the lower bound [%]"  # label of the optimality gap in a table
 CAUSES = 10  # number of causes that a table lists
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
-SEED, RATIO, END, SPENT = "flight_seed", "flown_ratio", "flown_end_m", "flown_delta_v_m_s"  # of a simulation
+SEED, RATIO, END, SPENT = "flight_seed", "simulated_ratio", "simulated_end_m", "simulated_delta_v_m_s"
 NEAREST = 0.5, 0.05, 0.001  # quantiles of minimum clearance ratios, for which small values are bad
 BY_CAUSE = {"plan": SPENT, "field": "field_delta_v_m_s", "feedback": "feedback_delta_v_m_s"}
 
@@ -70,9 +70,9 @@ def planned_figures(scenario: Scenario) -> Iterator[Figure]:
             yield Figure(f"stage_{number}_off_m", of_stage(number, deviation), label)
     if any(isinstance(stage, Clearing) for stage in scenario.stages):
         yield Figure("gap", gap, ABOVE)
-    yield Figure("end_s", lambda one: one.flown[-1].end if complete(one) else nan, "end [s]")
+    yield Figure("end_s", lambda one: one.executed[-1].end if complete(one) else nan, "end [s]")
     yield Figure("least_ratio", least_ratio)
-    yield Figure("conflicts", lambda one: sum(len(result.after.conflicts) for result in one.flown))
+    yield Figure("conflicts", lambda one: sum(len(result.after.conflicts) for result in one.executed))
     if FAILS in varied(scenario):
         for name in scenario.names:
             yield Figure(lost_by(name), partial(loss, name=name))
@@ -95,12 +95,12 @@ def simulated_figures(scenario: Scenario) -> Iterator[Figure]:
     yield Figure(BY_CAUSE["feedback"], of(lambda one: one.flight.feedback_delta_v.sum()))
     for k, name in enumerate(scenario.names):
         label = f"simulated: delta-v of {name} [m/s]"
-        yield Figure(f"{name}_flown_delta_v_m_s", of(lambda one, k: one.flight.delta_v[0, k], k), label)
+        yield Figure(f"{name}_simulated_delta_v_m_s", of(lambda one, k: one.flight.delta_v[0, k], k), label)
     for number, stage in enumerate(scenario.stages, 1):
         label = f"simulated: stage {number}, {stage.verb}, end position error [m]"
         yield Figure(f"stage_{number}_end_m", of(end, number), label)
     off = of(lambda one: one.flight.greatest_deviation)
-    yield Figure("flown_off_m", off, "simulated: largest deviation [m]")
+    yield Figure("simulated_off_m", off, "simulated: largest deviation [m]")
     yield Figure(END, of(lambda one: one.flight.greatest_end))
     yield Figure(RATIO, of(lambda one: one.flight.least_ratio if one.flight.ratios.size else nan))
 
@@ -112,7 +112,7 @@ def complete(mission: Mission) -> bool:
 
 def total(mission: Mission, k: int | None = None) -> float:
     """Return the delta-v [m/s] of all craft, or of one, in the executed stages."""
-    each = [result.delta_v.sum() if k is None else result.delta_v[k] for result in mission.flown]
+    each = [result.delta_v.sum() if k is None else result.delta_v[k] for result in mission.executed]
     return float(sum(each)) if each or k is not None else nan
 
 
@@ -123,7 +123,7 @@ def loss(mission: Mission, name: str) -> float:
 
 def of_stage(number: int, value: Callable[[Any], Any]) -> Callable[[Mission], Any]:
     """Return a function with the value of the result of a stage; nan if it was not executed."""
-    return lambda mission: next((value(one) for one in mission.flown if one.number == number), nan)
+    return lambda mission: next((value(one) for one in mission.executed if one.number == number), nan)
 
 
 def least(values: Iterable[float | None]) -> float:
@@ -133,12 +133,12 @@ def least(values: Iterable[float | None]) -> float:
 
 def least_ratio(mission: Mission) -> float:
     """Return the minimum clearance ratio of all pairs; nan without zones."""
-    return least(pair.ratio for result in mission.flown for pair in result.after.approaches)
+    return least(pair.ratio for result in mission.executed for pair in result.after.approaches)
 
 
 def gap(mission: Mission) -> float:
     """Return the largest optimality gap of the plans, relative to each plan; nan without bounds."""
-    moved = [one.result for one in mission.flown if isinstance(one.stage, Clearing)]
+    moved = [one.result for one in mission.executed if isinstance(one.stage, Clearing)]
     plans = [one.plan for one in moved]
     return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
 

@@ -152,7 +152,7 @@ def run(
         loaded = one_case(loaded, case, point)
     if loaded is None:
         return BAD_INPUT
-    from closeform.mission.mission import fly
+    from closeform.mission.mission import plan_mission
     from closeform.report.run import RunReport
     from closeform.scenario import ScenarioError
 
@@ -166,8 +166,8 @@ def run(
 
     notes = stderr()
     try:
-        with working(notes, "flying") as tell, folder(place, overwrite) as under_way:
-            mission = fly(loaded, tell)
+        with working(notes, "planning") as tell, folder(place, overwrite) as under_way:
+            mission = plan_mission(loaded, tell)
             report = RunReport(mission)
             with written(place):
                 report.write(under_way, tell, None if no_viewer else viewer, out)

@@ -74,7 +74,7 @@ def simulate(
     if run.scenario.field is None:
         remedy = "add field, with epoch and chief, to [orbit], and run it again"
         raise UsageError(f"{directory}: its scenario has no field; {remedy}")
-    if not run.flown:
+    if not run.executed:
         raise UsageError(
             f"{directory}: no stage was executed, {run.stopped}; change the scenario, and run it again"
         )

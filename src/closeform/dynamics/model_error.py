@@ -49,11 +49,11 @@ class Validity(Result):
         Pairs i < j that have a zone.
     planned : array of shape (P,), no unit
         Minimum clearance ratio of each pair as planned, at these times and between them.
-    flown : array of shape (P,), no unit
+    simulated : array of shape (P,), no unit
         Predicted minimum clearance ratio of each pair; below 1 the zone is entered.
     """
 
-    _told: ClassVar = ("field", "ends", "residual", "planned", "flown")
+    _told: ClassVar = ("field", "ends", "residual", "planned", "simulated")
 
     field: str
     residual: Floats
@@ -61,7 +61,7 @@ class Validity(Result):
     deviations: Floats
     pairs: Any
     planned: Floats
-    flown: Floats
+    simulated: Floats
 
     @property
     def ends(self) -> Floats:
@@ -133,8 +133,8 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
         if size * size <= WITHIN * before:  # estimate of the next change, for geometric convergence
             break
     deviations = off[:, ::2]
-    pairs, planned, flown = _least(paths, times[::2], deviations, zones)
-    return Validity(described(field), greatest, times[::2], deviations, pairs, planned, flown)
+    pairs, planned, simulated = _least(paths, times[::2], deviations, zones)
+    return Validity(described(field), greatest, times[::2], deviations, pairs, planned, simulated)
 
 
 def _least(
@@ -160,11 +160,11 @@ def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, 
     left_out = f"The model error of Hill's equations is {found.residual.max():.2g} m/s²"
     if not len(found.pairs):
         return (ends, left_out)
-    near = int(np.argmin(found.flown))
+    near = int(np.argmin(found.simulated))
     i, j = found.pairs[near]
     pair = f"craft {i} and {j}" if names is None else f"{names[i]} and {names[j]}"
-    entered = " (entered)" if found.flown[near] < 1.0 else ""
-    least = f"{found.flown[near]:.4f}{entered}, {pair}; as planned {found.planned[near]:.4f}"
+    entered = " (entered)" if found.simulated[near] < 1.0 else ""
+    least = f"{found.simulated[near]:.4f}{entered}, {pair}; as planned {found.planned[near]:.4f}"
     return (ends, f"Minimum clearance ratio predicted: {least}. {left_out}")
 
 

@@ -99,7 +99,7 @@ class History:
 
         This is needed for a gathering: the other craft observe a missed burn and react to it.
         """
-        gathers = any(isinstance(result.stage, Gather) for result in mission.flown)
+        gathers = any(isinstance(result.stage, Gather) for result in mission.executed)
         times = instants(mission, self.fails) if gathers and self.draws != "errors" else {}
         return replace(self, instants=times) if times else None
 
@@ -107,7 +107,7 @@ class History:
         self, scenario: Scenario, result: StageResult[Any, Any], states: Floats
     ) -> StageResult[Any, Any]:
         """Return a stage from `states` (N, 6) as executed, with burn errors and without lost thrust."""
-        if not result.flown or not (self.replanned or self.instants):
+        if not result.executed or not (self.replanned or self.instants):
             return result
         if isinstance(result.stage, Gather) and (errors := self.burn_errors(scenario, result)).any:
             return gather_with_burn_errors(scenario, result, states, errors)
@@ -146,23 +146,23 @@ class History:
 
     def whole(self, mission: Mission) -> Mission:
         """Return a mission with the events that no plan takes into account."""
-        if not mission.flown:
+        if not mission.executed:
             return mission
         if self.draws == "errors":
             mission = self.uncorrected(mission)
         if self.instants is None:
             return with_losses(mission, self.fails, self.disturbed(mission.scenario))
-        times = {k: time for k, time in self.instants.items() if time <= mission.flown[-1].end}
+        times = {k: time for k, time in self.instants.items() if time <= mission.executed[-1].end}
         return with_reported_losses(
             mission, times, {k: missed(mission, k, time) for k, time in times.items()}
         )
 
     def uncorrected(self, mission: Mission) -> Mission:
         """Return a mission executed as planned, in which no craft corrects its errors."""
-        scenario, end = mission.scenario, mission.flown[-1].end
+        scenario, end = mission.scenario, mission.executed[-1].end
         noise = ProcessNoise.beside_zones(scenario, self.seed, end) if scenario.noisy else None
         errors = [
-            errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
+            errors_of(craft, join([result.after.path(craft.name) for result in mission.executed]), self)
             for craft in scenario.craft
         ]
 
@@ -175,7 +175,7 @@ class History:
             paths = [off(k, result.after.path(name)) for k, name in enumerate(scenario.names)]
             return with_paths(scenario, result, paths)
 
-        each = (uncorrected(result) if result.flown else result for result in mission.results)
+        each = (uncorrected(result) if result.executed else result for result in mission.results)
         return replace(mission, results=tuple(each))
 
 
@@ -196,7 +196,7 @@ def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
 
 def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
     """Return the times [s] at which craft, by index, lose their thrust; `fails` (N,) are fractions or nan."""
-    end = mission.flown[-1].end
+    end = mission.executed[-1].end
     return {k: float(share * end) for k, share in enumerate(fails) if not isnan(share)}
 
 
@@ -213,7 +213,7 @@ def with_losses(mission: Mission, fails: Sequence[float], disturbed: Disturbance
     needed = {k: thrust_after(mission.paths[k], time) for k, time in times.items()}
     results, states = list(mission.results), dict[int, Floats]()
     for place, result in enumerate(results):
-        if result.flown:
+        if result.executed:
             paths = [result.after.path(name) for name in scenario.names]
             for k, time in times.items():
                 if time < result.end:
@@ -235,7 +235,7 @@ def missed(mission: Mission, k: int, time: float) -> bool:
 
     In a gathering, return True if a missing burn kept it from joining.
     """
-    for result in mission.flown:
+    for result in mission.executed:
         if isinstance(result.result, Gathering):
             if k in result.result.adrift:
                 return True

@@ -2,7 +2,7 @@
 
 Start reading here.
 
-    scenario file -> Scenario -> fly -> Mission -> report -> result folder, printed tables
+    scenario file -> Scenario -> plan_mission -> Mission -> report -> result folder, printed tables
                                   |
                      one function for each kind of stage: StageStart -> StageResult
 
@@ -46,7 +46,7 @@ from closeform.scenario.start_state import is_inertial
 # Importing a kernel compiles or loads it, so that each stage imports only the kernels that it needs.
 
 
-def fly(
+def plan_mission(
     scenario: Scenario, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
 ) -> Mission:
     """Plan and evaluate the stages of a scenario, and return the Mission.
@@ -79,11 +79,11 @@ def staged(
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:
-            result = FLIES[type(stage)](start, stage)
+            result = PLANNERS[type(stage)](start, stage)
             result = with_drift(scenario, in_field(scenario, result) if predicted else result)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
-        if scenario.uncertain and result.flown:
+        if scenario.uncertain and result.executed:
             progress(f"stage {number} of {len(scenario.stages)}: {verb}, with errors")
             result, left = with_errors(scenario, result, errors)
             errors = errors if replanned else left  # replanning starts from newly measured states
@@ -109,7 +109,7 @@ def as_happened(
         if (failing := history.failing_in(mission)) is not None:
             history, mission = failing, staged(replace(scenario, history=failing), progress, predicted)
         mission = history.whole(mission)
-    if scenario.flights is None or not mission.flown:
+    if scenario.flights is None or not mission.executed:
         return mission
     from closeform.dynamics.infeasible import Infeasible
     from closeform.mission.simulation import SimulatedRun
@@ -172,13 +172,13 @@ def run(file: str | Path) -> Mission:
     scenario = load(instance("file", file, str, Path))
     for line in scenario.doubts:
         warnings.warn(f"{file}: {line}", stacklevel=2)
-    return fly(scenario)
+    return plan_mission(scenario)
 
 
 def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Floats:
     """Return the fraction (N,) of its initial mass that each spacecraft has left after `results`."""
-    flown = [result for result in results if result.flown]
-    spent = (result.delta_v / scenario.exhaust(result.stage) for result in flown)
+    executed = [result for result in results if result.executed]
+    spent = (result.delta_v / scenario.exhaust(result.stage) for result in executed)
     return np.asarray(np.exp(-sum(spent, np.zeros(len(scenario.craft)))))
 
 
@@ -188,14 +188,14 @@ def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult
         return result
     from closeform.mission.passive_safety import judged, unplanned
 
-    if not result.flown:
+    if not result.executed:
         return replace(result, unplanned=unplanned(scenario, result))
     return replace(result, passive=judged(scenario, result))
 
 
 def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
     """Return the stage with the validity of its plan in the scenario's high-fidelity model, if any."""
-    if scenario.field is None or not result.flown:
+    if scenario.field is None or not result.executed:
         return result
     from closeform.dynamics.model_error import validity
 
@@ -223,7 +223,7 @@ def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
     return StageResult(start.number, stage, start.time, flight, flight, None, on_ephemerides=real)
 
 
-FLIES: dict[type[StageTable], Callable[[StageStart, Any], StageResult[Any, Any]]] = {
+PLANNERS: dict[type[StageTable], Callable[[StageStart, Any], StageResult[Any, Any]]] = {
     Coast: coast,
     Transfer: transfer,
     Avoid: avoid,

@@ -55,7 +55,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     - `result`: plan or search; None for a coast.  Times in a Gathering or FirstLocks count from
       the start of the stage.
     - `failure`: reason why the mission ends after this stage.
-    - `flown`: whether the paths are part of the mission; False if planning failed.
+    - `executed`: whether the paths are part of the mission; False if planning failed.
     - `late`: delay beyond the requested duration.
     - `pulsed`: thruster pulses that realize the plan; `after` then contains the pulsed paths.
     - `uncertain`: clearance and collision probability with the uncertainty of the spacecraft.
@@ -73,7 +73,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     after: WatchedFlight
     result: AnyResult
     failure: str | None = None
-    flown: bool = True
+    executed: bool = True
     late: Late | None = None
     pulsed: "Pulsed | None" = None
     uncertain: "UncertainStage | None" = None
@@ -243,9 +243,9 @@ class Stages(Result, ABC):
         """Verdict that the last line of the run reports."""
 
     @property
-    def flown(self) -> tuple[Any, ...]:
+    def executed(self) -> tuple[Any, ...]:
         """Stages whose paths are part of the mission."""
-        return tuple(result for result in self.results if result.flown)
+        return tuple(result for result in self.results if result.executed)
 
     @cached_property
     def paths(self) -> Path:
@@ -253,12 +253,12 @@ class Stages(Result, ABC):
 
         Raises ValueError if there is no such stage.
         """
-        return join([result.after.paths for result in self.flown])
+        return join([result.after.paths for result in self.executed])
 
     @cached_property
     def conflicts(self) -> dict[str, Any]:
         """Conflicts in columns: stage, first, second, start, end, time of minimum [s], clearance ratio."""
-        found = [(result.number, met) for result in self.flown for met in result.after.conflicts]
+        found = [(result.number, met) for result in self.executed for met in result.after.conflicts]
         keys = {"first": "first", "second": "second", "start_s": "start", "end_s": "end", "time_s": "time"}
         columns = {key: [getattr(met, name) for _, met in found] for key, name in keys.items()}
         return {"stage": [number for number, _ in found], **columns, "ratio": [met.ratio for _, met in found]}
@@ -287,7 +287,7 @@ class Mission(Stages):
 
         found = [
             (result.number, *row)
-            for result in self.flown
+            for result in self.executed
             for row in burns_in(result, partial(self.burnt, result.number))
         ]
         names = ("stage", *COLUMNS)
@@ -307,7 +307,7 @@ class Mission(Stages):
         alone = len(self.scenario.craft) == 1
         apart = alone or all(result.stage.keeps_out for result in self.results)
         watched = apart or any(result.after.approaches for result in self.results)
-        conflicts, pairs = conflicts_in(result.after for result in self.flown)
+        conflicts, pairs = conflicts_in(result.after for result in self.executed)
         judged = *(one.asked for one in self.lost), *in_flight(self.flights, self.grounded)
         return Verdict(
             self.stopped,
@@ -315,13 +315,13 @@ class Mission(Stages):
             pairs,
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
-            tuple(result.late for result in self.flown if result.late is not None),
-            asked=(*judged, *(one for some in self.flown for one in some.asked)),
+            tuple(result.late for result in self.executed if result.late is not None),
+            asked=(*judged, *(one for some in self.executed for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
             model=self.orbit._model if watched else "",
             zone_distance=zone_distance(self) if watched else None,
             predicted=predicted(self),
-            field=next((one.validity.field for one in self.flown if one.validity is not None), ""),
+            field=next((one.validity.field for one in self.executed if one.validity is not None), ""),
             strict=self.scenario.strict,
         )
 
@@ -347,8 +347,8 @@ class Mission(Stages):
     @cached_property
     def spent_of_each(self) -> Floats:
         """Total delta-v (N,) [m/s] and propellant (N,) [kg] of each spacecraft, as two rows."""
-        flown = [result.flown for result in self.results]
-        return np.array([self.delta_v[flown].sum(axis=0), self.propellant[flown].sum(axis=0)])
+        executed = [result.executed for result in self.results]
+        return np.array([self.delta_v[executed].sum(axis=0), self.propellant[executed].sum(axis=0)])
 
     @cached_property
     def grams(self) -> bool:
@@ -391,10 +391,10 @@ class Mission(Stages):
 
         Delta-v and propellant are those of the simulated flight with the highest use, if there is one.
         """
-        planned = self.spent([result.flown for result in self.results])
+        planned = self.spent([result.executed for result in self.results])
         uses = list(planned if self.flights is None else self.flights.spent)
         of_each: dict[str, list[Use]] = {}
-        for use in (use for result in self.flown for use in self.thrusts(result)):
+        for use in (use for result in self.executed for use in self.thrusts(result)):
             of_each.setdefault(use.craft, []).append(use)
         uses += [max(thrusts, key=lambda use: use.share) for thrusts in of_each.values()]
         return tuple(sorted(uses, key=lambda use: self.scenario.names.index(use.craft)))
@@ -402,7 +402,7 @@ class Mission(Stages):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings: noncircular chief orbit, late stages, conflicts by model error, exceeded limits."""
-        chief, known = self.scenario.chief, any(result.validity is not None for result in self.flown)
+        chief, known = self.scenario.chief, any(result.validity is not None for result in self.executed)
         return (
             *(() if chief is None or known or self.scenario.orbit.model != "hill" else chief.warnings),
             *(one.warning for one in self.verdict.late),

@@ -141,7 +141,7 @@ class PassiveSafety:
 def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety | None:
     """Return the passive safety of a stage; None if the stage does not require it or has no valid plan."""
     stage = result.stage
-    if not isinstance(stage, Drifting) or stage.drift is None or not result.flown:
+    if not isinstance(stage, Drifting) or stage.drift is None or not result.executed:
         return None
     drift, failure = stage.drift.on(result.after.paths.orbit.period), stage.what_fails
     until, planned, zones = result.end + drift, is_planned(result), scenario.zones

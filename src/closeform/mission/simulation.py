@@ -100,7 +100,7 @@ class SimulatedRun:
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
         own, pulsed = simulated_thrusters(run.scenario), fires_pulses(run)
-        plan = followed(run.flown) if pulsed else planned(run)
+        plan = followed(run.executed) if pulsed else planned(run)
         arguments = arguments | {"feedback": arguments["feedback"] or usually_led(run, control)}
         if run.lost:
             times = {one.craft: one.time for one in run.lost}
@@ -165,7 +165,7 @@ class SimulatedRun:
     @cached_property
     def stages(self) -> tuple[SimulatedStage, ...]:
         """Results of each stage by itself."""
-        return tuple(self.stage(one) for one in self.run.flown)
+        return tuple(self.stage(one) for one in self.run.executed)
 
     @property
     def thrusters(self) -> tuple[str, ...]:
@@ -221,8 +221,8 @@ class SimulatedRun:
     def exhaust(self) -> Floats:
         """Exhaust speed of each spacecraft (N,) [m/s], averaged by planned delta-v where stages differ."""
         own = np.array([one.exhaust for one in self.run.scenario.craft])
-        spent = np.array([one.planned.paths.delta_v for one in self.run.flown])
-        each = np.array([self.run.scenario.exhaust(one.stage) for one in self.run.flown])
+        spent = np.array([one.planned.paths.delta_v for one in self.run.executed])
+        each = np.array([self.run.scenario.exhaust(one.stage) for one in self.run.executed])
         differ = (each != each[0]).any(axis=0) & spent.any(axis=0)
         own[differ] = spent[:, differ].sum(axis=0) / (spent / each)[:, differ].sum(axis=0)
         return own
@@ -245,7 +245,7 @@ class SimulatedRun:
         last = min(int(np.searchsorted(flight.times, result.end - PARTIAL)), len(flight.times) - 1)
         some = slice(int(first), last + 1)
         ratios = flight.ratios
-        if len(self.run.flown) > 1 and ratios.size:
+        if len(self.run.executed) > 1 and ratios.size:
             ratios = np.array(
                 [
                     clearance_ratios(one[:, some], before[:, some], flight.times[some], self.zones)[1]
@@ -265,7 +265,7 @@ class SimulatedRun:
     @cached_property
     def worst_by_stage(self) -> tuple[WatchedFlight, ...]:
         """Worst flight, divided into stages."""
-        cuts = [self.flight.times[0], *(one.end for one in self.run.flown)]
+        cuts = [self.flight.times[0], *(one.end for one in self.run.executed)]
         parts = (during(self.worst.paths, start, end) for start, end in pairwise(cuts))
         return tuple(watch(part, self.names, self.zones) for part in parts)
 
@@ -282,7 +282,7 @@ class SimulatedRun:
         """Thrust commands for the high-fidelity model, one item per stage."""
         return tuple(
             compensated_thrust(one.planned.paths, self.known, engine=self.arguments["engine"])
-            for one in self.run.flown
+            for one in self.run.executed
         )
 
     @cached_property
@@ -324,7 +324,7 @@ def usually_led(run: Stages, control: Control) -> Feedback:
 
 def planned(run: Stages) -> Path:
     """Return the planned paths (N,) from the first stage to the last, without any loss of thrust."""
-    return followed(run.flown) if run.lost else run.paths
+    return followed(run.executed) if run.lost else run.paths
 
 
 def during(paths: Path, start: float, end: float) -> Path:

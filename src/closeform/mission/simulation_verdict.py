@@ -108,7 +108,9 @@ def predicted(mission: "Mission") -> float | None:
 
     The prediction applies the planned thrust in the high-fidelity model.
     """
-    return min((float(found.flown[k]) for _, found, clear in foreseen(mission) for k in clear), default=None)
+    return min(
+        (float(found.simulated[k]) for _, found, clear in foreseen(mission) for k in clear), default=None
+    )
 
 
 def eaten(mission: "Mission") -> Iterator[str]:
@@ -117,9 +119,9 @@ def eaten(mission: "Mission") -> Iterator[str]:
     Pairs with a planned conflict are not considered.
     """
     for result, found, clear in foreseen(mission):
-        entered = [k for k in clear if found.flown[k] < 1.0 - SAMPLED]
+        entered = [k for k in clear if found.simulated[k] < 1.0 - SAMPLED]
         if entered:
-            first, second = found.pairs[min(entered, key=lambda k: float(found.flown[k]))].tolist()
+            first, second = found.pairs[min(entered, key=lambda k: float(found.simulated[k]))].tolist()
             names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
             where = (
                 f"stage {result.number}: without compensation, in the high-fidelity model ({found.field}),"
@@ -175,14 +177,14 @@ def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
 
     Return None if the model error is unknown.
     """
-    neglected, flown = Neglected.on(mission.orbit, mission.scenario), mission.flown
-    if neglected is None or not flown:
+    neglected, executed = Neglected.on(mission.orbit, mission.scenario), mission.executed
+    if neglected is None or not executed:
         return None
-    looks = [(one.after.paths, np.linspace(one.start, one.end, LOOKS)) for one in flown]
+    looks = [(one.after.paths, np.linspace(one.start, one.end, LOOKS)) for one in executed]
     reach = max(float(np.linalg.norm(paths.position(times), axis=-1).max()) for paths, times in looks)
-    alone = len(flown) == 1 and bool(mission.paths.delta_v.any())
+    alone = len(executed) == 1 and bool(mission.paths.delta_v.any())
     kind = MOVES if alone else COASTS
-    half, most = neglected.error(reach, flown[-1].end, len(mission.scenario.craft), kind)
+    half, most = neglected.error(reach, executed[-1].end, len(mission.scenario.craft), kind)
     return neglected, float(half), float(most)
 
 
@@ -191,7 +193,7 @@ def zone_distance(mission: "Mission") -> ZoneDistance | None:
 
     Return None without zones, and with a high-fidelity model, in which the distance is predicted.
     """
-    near = [one for result in mission.flown for one in result.after.approaches]
+    near = [one for result in mission.executed for one in result.after.approaches]
     if not near or mission.flights is not None or mission.scenario.orbit.field is not None:
         return None
     inner = {zone: zone.inner_radius for zone in {one.zone for one in near}}
@@ -207,7 +209,7 @@ def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Val
 
     Yield nothing for a simulated mission, because the simulation supersedes the predictions.
     """
-    for result in mission.flown if mission.flights is None else ():
+    for result in mission.executed if mission.flights is None else ():
         if (found := result.validity) is not None:
             met, names = {(one.first, one.second) for one in result.after.conflicts}, result.after.names
             pairs = [(names[i], names[j]) for i, j in found.pairs.tolist()]

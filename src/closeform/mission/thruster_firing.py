@@ -130,7 +130,7 @@ def without(kept: Result | None, found: Result, room: BurnRoom, why: str) -> Res
     Without such a result, return `found` as a failure with the reason `why`.
     """
     if kept is None or kept.pulsed is None:
-        return replace(found, failure=why, flown=False)
+        return replace(found, failure=why, executed=False)
     short = f"zones {100.0 * (room.larger - 1.0):.3g} % larger: {why}"
     return replace(kept, pulsed=replace(kept.pulsed, short=short))
 

@@ -319,7 +319,7 @@ class Orbit(CircularOrbit, ReferenceOrbit):
     def _least_impulses(self, arcs: Floats, finals: Floats, thrusters: Thrusters | None) -> Path:
         # Imported here so that a program without impulses neither compiles them nor loads linear
         # programming.
-        from closeform.motion.minimum_delta_v.impulse_arcs import flown_arcs
+        from closeform.motion.minimum_delta_v.impulse_arcs import impulse_trajectories
         from closeform.motion.minimum_delta_v.impulses import answers
 
         given = self.mean_motion, arcs.reshape(-1, WIDTH), finals
@@ -329,7 +329,7 @@ class Orbit(CircularOrbit, ReferenceOrbit):
             from closeform.motion.minimum_delta_v.directed import answers_of
 
             found = answers_of(thrusters, *given)
-        rows, offsets = flown_arcs(*given, found)
+        rows, offsets = impulse_trajectories(*given, found)
         return path_of(self, rows, offsets, arcs.shape[:-1])
 
     def _fixed_inertially(self, arcs: Floats) -> Floats:

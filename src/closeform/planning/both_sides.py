@@ -31,7 +31,7 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
             found.append(solution)
     found.sort(key=lambda solution: solution.energy)
     other = [one for one in found if _side(one, zone) @ _side(found[0], zone) < 0.0]
-    return [problem.path(solution.flown)[0] for solution in (*found[:1], *other[:1])]
+    return [problem.path(solution.trajectories)[0] for solution in (*found[:1], *other[:1])]
 
 
 def _side(solution: Solution, zone: Zone) -> np.ndarray:

@@ -14,7 +14,7 @@ from closeform.planning.energy.local_solver import LocalSolver, nearer
 from closeform.planning.energy.side_search import MARGINS, Found, Search
 from closeform.planning.infeasible_ends import unseparated
 from closeform.planning.plan import Contact
-from closeform.planning.problem.problem import Closest, Flown, Problem, deepest
+from closeform.planning.problem.problem import Closest, Problem, Trajectories, deepest
 from closeform.planning.problem.scene import Contacts
 
 
@@ -30,7 +30,7 @@ class Outcome:
     paths nearest to being clear where none is; `unfired` is True if impulses are clear but pulses are not.
     """
 
-    flown: Flown | None
+    trajectories: Trajectories | None
     contacts: tuple[Contact, ...]
     extra: float
     margin: float
@@ -60,8 +60,8 @@ class Outcome:
         )
 
         effort, said = problem.effort, ""
-        if self.closest.flown is not None:
-            planned = problem.path(self.closest.flown)
+        if self.closest.trajectories is not None:
+            planned = problem.path(self.closest.trajectories)
             each = (planned[k] for k in range(problem.count))
             whole = problem.with_path(*(extended(own, problem.first, problem.last) for own in each))
             met = problem.conflicts(whole)
@@ -99,15 +99,15 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
 
         search = PassiveSearch(problem, MARGINS[0], budget, more)
         passive = replace(outcome(search.run()), closest=search.rounds.closest)
-        if passive.flown is not None or not waiting:
+        if passive.trajectories is not None or not waiting:
             return passive
         from closeform.planning.passive.two_impulse_blend import blended_plan
 
-        flown = blended_plan(problem, MARGINS[1])
-        if flown is None:
+        trajectories = blended_plan(problem, MARGINS[1])
+        if trajectories is None:
             return passive
-        extra = max(problem.energy(flown) - problem.energy(problem.direct), 0.0)
-        return Outcome(flown, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
+        extra = max(problem.energy(trajectories) - problem.energy(problem.direct), 0.0)
+        return Outcome(trajectories, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
     if problem.sigmas:
         from closeform.planning.sigmas.sigma_problem import SigmaProblem
         from closeform.planning.sigmas.sigma_search import SigmaSearch
@@ -123,40 +123,40 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
     return replace(outcome(found), tried=sum(search.tried for search in searches))
 
 
-def is_passive(problem: Problem, own: Path, flown: Flown) -> bool:
+def is_passive(problem: Problem, own: Path, trajectories: Trajectories) -> bool:
     """Return whether paths (N,) are passively safe among all bodies; True for a problem without `drift`."""
     if problem.drift is None:
         return True
     from closeform.planning.passive.passive_search import failures
 
-    return not failures(problem, own, problem.bodies(flown)).number
+    return not failures(problem, own, problem.bodies(trajectories)).number
 
 
 def outcome(found: Found) -> Outcome:
     """Return the outcome of a search."""
     best = found.best
     if not best.clear:
-        conflicts = best.problem.conflicts(best.flown)
+        conflicts = best.problem.conflicts(best.trajectories)
         blocked = deepest(conflicts)[0] if conflicts else None
         return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
-    touched = contacts_of(best.problem, best.contacts, best.flown)
+    touched = contacts_of(best.problem, best.contacts, best.trajectories)
     return Outcome(best.planned, touched, best.energy, found.margin, found.proven, found.tried)
 
 
 def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
     """Return sequentially planned paths re-optimised jointly on the same sides, or the outcome `before`."""
     tried = before.tried + alone.tried
-    if alone.flown is None:
+    if alone.trajectories is None:
         return replace(before, tried=tried)
     solver = LocalSolver(problem, MARGINS[0])
-    start = solver.nearest(alone.flown, problem.touched(alone.contacts))
+    start = solver.nearest(alone.trajectories, problem.touched(alone.contacts))
     together = solver.solve(start, nearer(problem))
-    if not together.clear or problem.energy(together.flown) > problem.energy(alone.flown):
+    if not together.clear or problem.energy(together.trajectories) > problem.energy(alone.trajectories):
         return replace(alone, tried=tried)
     return outcome(Found(together, MARGINS[0], False, tried + 1))
 
 
-def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
+def contacts_of(problem: Problem, contacts: Contacts, trajectories: Trajectories) -> tuple[Contact, ...]:
     """Return the contacts in metres, in order of time."""
     if not contacts.number:
         return ()
@@ -170,9 +170,9 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
     drifts = contacts.drifts.max(axis=1)
     failed, lost = drifts > 0.0, contacts.times - drifts
     ways = pushes / sizes[:, None]
-    spread = problem.deviations(flown, contacts, ways)
+    spread = problem.deviations(trajectories, contacts, ways)
     reaches = 1.0 / sizes - problem.sigmas * spread
-    places = problem.path(flown)._at(pairs[:, 0], lost)
+    places = problem.path(trajectories)._at(pairs[:, 0], lost)
     if failed.any():
         places[failed] = (problem.orbit.transition(drifts[failed], lost[failed]) @ places[failed, :, None])[
             ..., 0

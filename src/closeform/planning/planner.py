@@ -29,7 +29,7 @@ from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
 from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
 from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak, without_paths
-from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
+from closeform.planning.problem.problem import Problem, Trajectories, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
 from closeform.planning.slots import revised
@@ -105,7 +105,10 @@ def clear_plan(request: Request, more: bool) -> Plan:
         sigmas=problem.sigmas,
         padding=0.0 if request.padding is None else request.padding.told,
     )
-    kept = next((own for own, flown in candidates(request, problem) if is_clear(problem, own, flown)), None)
+    kept = next(
+        (own for own, trajectories in candidates(request, problem) if is_clear(problem, own, trajectories)),
+        None,
+    )
     if request.cost == "delta-v":
         return of_least_delta_v(plan, problem, request, more, kept)
     if kept is not None:
@@ -121,15 +124,20 @@ def clear_plan(request: Request, more: bool) -> Plan:
         found = by_messages(problem, request.order or range(problem.count), request.budget)
     else:
         found = solve(problem, request.budget, more)
-        if found.flown is None and problem.count > 1 and problem.drift is None and request.errors is None:
+        if (
+            found.trajectories is None
+            and problem.count > 1
+            and problem.drift is None
+            and request.errors is None
+        ):
             alone = one_by_one(problem, range(problem.count), request.budget, more)
             found = joined(problem, alone, found)
-    if found.flown is None:
+    if found.trajectories is None:
         return replace(
             plan, tried=found.tried, blocked=found.blocked, reason=not_found(request, problem, found)
         )
     if found.priced and not found.contacts:
-        return unchanged(plan, problem.path(found.flown))
+        return unchanged(plan, problem.path(found.trajectories))
     # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
     zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
     if found.extra > TOO_DEAR * (least + 6.0 * zone**2 / (problem.arrival - problem.first) ** 3):
@@ -138,7 +146,7 @@ def clear_plan(request: Request, more: bool) -> Plan:
     return completed(plan, problem, found, request)
 
 
-def candidates(request: Request, problem: Problem) -> Iterator[tuple[Path, Flown]]:
+def candidates(request: Request, problem: Problem) -> Iterator[tuple[Path, Trajectories]]:
     """Yield paths that are kept if they are clear, within the thrust limits, and those of all bodies.
 
     They are the given path, and those of minimum energy.  A given path was not planned for thrusters.
@@ -154,15 +162,15 @@ def candidates(request: Request, problem: Problem) -> Iterator[tuple[Path, Flown
             yield optima, problem.direct
 
 
-def is_clear(problem: Problem, own: Path, flown: Flown) -> bool:
+def is_clear(problem: Problem, own: Path, trajectories: Trajectories) -> bool:
     """Return whether paths, and the free drift after any loss of thrust, are clear."""
-    if flown is problem.direct:  # whose conflicts with a margin the search uses again
+    if trajectories is problem.direct:  # whose conflicts with a margin the search uses again
         met = problem.direct_conflicts(MARGINS[0])
-        if met and (deepest(met)[1][3] < DEEP or problem.conflicts(flown)):
+        if met and (deepest(met)[1][3] < DEEP or problem.conflicts(trajectories)):
             return False
-    elif problem.conflicts(flown):
+    elif problem.conflicts(trajectories):
         return False
-    return is_passive(problem, own, flown)
+    return is_passive(problem, own, trajectories)
 
 
 def unchanged(plan: Plan, paths: Path) -> Plan:
@@ -184,8 +192,8 @@ def unchanged(plan: Plan, paths: Path) -> Plan:
 
 def completed(plan: Plan, problem: Problem, found: Outcome, request: Request) -> Plan:
     """Return the plan completed with the paths of an outcome of minimum energy."""
-    assert found.flown is not None
-    paths, least = problem.path(found.flown), float(plan.direct.energy.sum())
+    assert found.trajectories is not None
+    paths, least = problem.path(found.trajectories), float(plan.direct.energy.sum())
     reason = found.reason or f"{contact_count(found)}, the best of {examined(found)}"
     if found.order:
         reason += f", planned in order: {', '.join(request.names[k] for k in found.order)}"
@@ -227,14 +235,14 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         plan = beside(plan, problem, unconstrained(problem, request.thrusters, names))
         return replace(too_weak(plan, weak, names[weak.craft]), reason=f"{names[weak.craft]}: {little}")
     plan = replace(beside(plan, problem, free), tried=found.tried, blocked=found.blocked)
-    if found.flown is None and kept is None:
+    if found.trajectories is None and kept is None:
         if found.enough is not None and limits is not None:
             weak = shortage(problem, limits, found.enough)
             return too_weak(plan, weak, names[weak.craft])
         return replace(plan, reason=not_found(request, problem, found))
     paths, spent = kept, nan if kept is None else float(kept.delta_v.sum())
-    if found.flown is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
-        paths, spent = problem.path(found.flown), found.delta_v
+    if found.trajectories is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
+        paths, spent = problem.path(found.trajectories), found.delta_v
     assert paths is not None
     changed, bound = paths is not kept and found.tried > 0, min(free.least, spent)
     contacts = once(found.contacts) if changed else ()
@@ -259,7 +267,7 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
 
 def beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
     """Return the plan with the unconstrained optima of delta-v as its direct paths and lower bound."""
-    return replace(plan, direct=problem.path(free.flown), lower_bound=free.least, cost="delta-v")
+    return replace(plan, direct=problem.path(free.trajectories), lower_bound=free.least, cost="delta-v")
 
 
 def not_found(request: Request, problem: Problem, found: Outcome) -> str:
@@ -451,11 +459,11 @@ def bounded_delta_v(request: Request, plan: Plan) -> Plan:
     given = request.thrusters, request.names, plan.delta_v, request.proof_time, request.gap
     bound, better = proven(problem, *given)
     reason, before = plan.reason, closeness(plan.delta_v, plan.lower_bound, "delta-v")
-    if better is not None and better.flown is not None and better.delta_v < plan.delta_v:
+    if better is not None and better.trajectories is not None and better.delta_v < plan.delta_v:
         reason = f"{contact_count(better)}, {before}{better.unfireable}"
         plan = replace(
             plan,
-            paths=problem.path(better.flown),
+            paths=problem.path(better.trajectories),
             delta_v=better.delta_v,
             contacts=once(better.contacts),
             tried=better.tried,

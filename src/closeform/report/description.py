@@ -189,7 +189,7 @@ def fate(result: StageResult[Any, Any]) -> str:
     """Return the stage of a picture, with the reason if it failed."""
     if result.failure is None:
         return called(result)
-    shown = "" if result.flown else "; shown are the direct paths, not executed"
+    shown = "" if result.executed else "; shown are the direct paths, not executed"
     return f"{called(result)} failed: {in_short(result.failure)}{shown}"
 
 

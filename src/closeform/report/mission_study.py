@@ -41,10 +41,16 @@ CAUSES = tuple(
 CASES = Column("case", "case"), Column("entries", "entries"), Column("pairs in conflict", "pairs", words=True)
 PICTURES = (  # names, captions, axis labels, columns, and the quantile on the bad side
     ("delta-v", "Delta-v of all craft", "delta-v of all craft [m/s]", "delta_v_m_s", 0.95),
-    ("flown-delta-v", "Simulated delta-v of all craft", "simulated delta-v of all craft [m/s]", SPENT, 0.95),
-    ("flown-ends", "Largest deviation from the plan at the end", "deviation at the end [m]", END, 0.95),
     (
-        "flown-ratios",
+        "simulated-delta-v",
+        "Simulated delta-v of all craft",
+        "simulated delta-v of all craft [m/s]",
+        SPENT,
+        0.95,
+    ),
+    ("simulated-ends", "Largest deviation from the plan at the end", "deviation at the end [m]", END, 0.95),
+    (
+        "simulated-ratios",
         "Clearance ratio of the closest pair",
         "clearance ratio of the closest pair",
         RATIO,
@@ -139,7 +145,7 @@ def simulation_figures(flights: SimulationTally) -> dict[str, Any]:
     """Return the results of simulations for `summary.json`."""
     near = flights.nearness
     return {
-        "flown": flights.count,
+        "simulated": flights.count,
         "entered": {"cases": flights.entered} | vars(estimate(flights.entered, flights.count)),
         "mean_delta_v_m_s": flights.mean,
         "least_ratio": None if flights.nearest is None else flights.nearest[0],

@@ -170,7 +170,7 @@ HOLDS = {  # files of results, in the order in which they are listed
     "burns.parquet": "every burn",
     "burns.csv": "every burn, as text",
     "paths.parquet": "states and thrust accelerations, at equal steps",
-    "flown.parquet": "states in the worst simulation",
+    "worst.parquet": "states in the worst simulation",
     "flights.parquet": "deviation and delta-v of each craft in each simulation",
     "ends.parquet": "deviation and delta-v at the end of each stage",
     "ratios.parquet": "minimum clearance ratio of each pair in each simulation",

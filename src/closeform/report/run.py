@@ -100,7 +100,7 @@ MOST_CRAFT = 100  # maximum number of spacecraft in the overview
 WHY = 80  # maximum characters of the reason for a stop, above the overview
 SAMPLES = 201  # instants per spacecraft and stage in paths.parquet
 SIMULATED = "Simulation in the high-fidelity model"
-WORST_PATHS = "flown"  # the table of the worst simulation, next to the planned paths
+WORST_PATHS = "worst"  # the table of the worst simulation, next to the planned paths
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
 
@@ -203,7 +203,7 @@ def short(stopped: str) -> str:
 def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
     """Yield the requirement that no keep-out zone is violated in the stages that were executed."""
     verdict = mission.verdict
-    if verdict.conflicts is None or not any(result.flown for result in mission.results):
+    if verdict.conflicts is None or not any(result.executed for result in mission.results):
         return
     found = "only one craft"
     if (near := closest(mission)) is not None:
@@ -224,8 +224,8 @@ def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
 
 def closest(mission: Mission) -> tuple[StageResult[Any, Any], PairApproach] | None:
     """Return the stage and the pair of the closest approach in the mission; None if there is none."""
-    flown = [(result, result.after.closest) for result in mission.results if result.flown]
-    near = [(result, pair) for result, pair in flown if pair is not None]
+    executed = [(result, result.after.closest) for result in mission.results if result.executed]
+    near = [(result, pair) for result, pair in executed if pair is not None]
     return min(near, key=lambda one: nearest_first(one[1].ratio, one[1].time), default=None)
 
 
@@ -236,7 +236,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
         goal = "every pair locks" if isinstance(result.result, FirstLocks) else "no craft stays lost"
         done = f"after {result.end - result.start:.1f} s"
         yield f"{where}: {goal}", result.failure or done, result.failure is None
-    if not result.flown:
+    if not result.executed:
         return
     if "within" in stage.durations:
         asked = stage.durations["within"].on(mission.orbit.period)
@@ -259,34 +259,34 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
 
 def stage_row(result: StageResult[Any, Any]) -> tuple[Any, ...]:
     """Return a row of STAGES; a failed stage has no clearance."""
-    near = result.after.closest if result.flown else None
+    near = result.after.closest if result.executed else None
     close = (None, None, None) if near is None else (near.ratio, (near.first, near.second), near.time)
     before, after = (
         len(flight.conflicts) if flight.pairs else None for flight in (result.before, result.after)
     )
-    spent = float(result.delta_v.sum()) if result.flown else 0.0
+    spent = float(result.delta_v.sum()) if result.executed else 0.0
     ends = result.start, result.end
-    return result.number, result.stage.verb, *ends, before, after if result.flown else None, *close, spent
+    return result.number, result.stage.verb, *ends, before, after if result.executed else None, *close, spent
 
 
 def overview(mission: Mission) -> tuple[Picture, ...]:
     """Return one picture of all stages, if there are at least two."""
-    flown = [result for result in mission.results if result.flown]
+    executed = [result for result in mission.results if result.executed]
     names = mission.scenario.names
-    if len(flown) < 2 or len(names) > MOST_CRAFT or flown[0].after.pairs > ALL_PAIRS:
+    if len(executed) < 2 or len(names) > MOST_CRAFT or executed[0].after.pairs > ALL_PAIRS:
         return ()
-    titles = [f"{result.number} {result.stage.name or result.stage.verb}" for result in flown]
+    titles = [f"{result.number} {result.stage.name or result.stage.verb}" for result in executed]
     options = {
         "names": names,
         "zone": mission.scenario.zones,
         "titles": titles,
         "locks": [
             (result.start + time, *pair)
-            for result in flown
+            for result in executed
             for time, *pair in searches.locks_of(result.result)
         ],
     }
-    paths = [result.after.paths for result in flown]
+    paths = [result.after.paths for result in executed]
     whole = Picture("overview", "The whole mission", "overview", (paths,), options)
     if mission.stopped is None:
         return (whole,)
@@ -351,7 +351,7 @@ class RunReport:
         mission = self.mission
         if mission.grounded is not None:
             return (Section(SIMULATED, (f"Not simulated: {mission.grounded}",)),)
-        if mission.scenario.flights is not None and not mission.flown:
+        if mission.scenario.flights is not None and not mission.executed:
             return (Section(SIMULATED, ("Not simulated: the mission stopped in its first stage",)),)
         return () if self.flights is None else (self.flights.section(SIMULATED, self.flights.opening),)
 
@@ -498,7 +498,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     count, plan = len(result.after.names), plan_of(result)
     found = result.result is not None
     failed = []
-    if not result.flown and result.failure is not None:  # the verdict has the full reason
+    if not result.executed and result.failure is not None:  # the verdict has the full reason
         why = result.failure if plan is None or plan.ok else str(plan.status)
         failed.append(f"Not executed: {in_short(why)}")
     safe = passive.section(result)
@@ -529,7 +529,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 name=f"stage-{result.number}-{picture.name}",
                 stage=fate(result),
                 failed=result.failure is not None,
-                executed=result.flown or picture.plot == "trade",  # which shows the cost of any path
+                executed=result.executed or picture.plot == "trade",  # which shows the cost of any path
             )
             for picture in pictures
             if not (isinstance(picture, Film) and picture.most < count)
@@ -540,7 +540,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "do": result.stage.verb,
             "start_s": result.start,
             "end_s": result.end,
-            "flown": result.flown,
+            "executed": result.executed,
             "failure": result.failure,
             "before": conflicts.figures(result.before),
             "after": conflicts.figures(result.after),

@@ -73,7 +73,7 @@ def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
     """Yield the paths of a stage before avoidance, and those after it."""
     if stage.before is not stage.after:
         yield "before", stage.before
-    if stage.flown:
+    if stage.executed:
         yield "after", stage.after
 
 
@@ -209,7 +209,7 @@ def screened_object(
 def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Uncertainty:
     """Return the uncertainty of a craft at the start of a stage."""
     for earlier in source.results:
-        if earlier.number < stage.number and earlier.flown:
+        if earlier.number < stage.number and earlier.executed:
             errors = uncertainty_at_end(errors, earlier.after.path(name))
     return errors
 

@@ -14,7 +14,7 @@ from closeform.arrays import Floats
 from closeform.exchange.ccsds.aem import quaternions
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.export_tracks.sampled_paths import FlownCraft
+from closeform.exchange.export_tracks.sampled_paths import ExportedCraft
 from closeform.exchange.export_tracks.track import Shots
 from closeform.fuel.burns import burns_of
 from closeform.mission.mission_result import Mission
@@ -46,7 +46,7 @@ class Source:
     """
 
     title: str
-    craft: tuple[FlownCraft, ...]
+    craft: tuple[ExportedCraft, ...]
     mean_motion: float
     chief: Chief | None
     epoch: Epoch | None
@@ -72,7 +72,7 @@ class Source:
                 craft = errors_of_each(errors, (len(self.scenario.names),))
                 own = ExecutedTurns(search, self.scenario.groups, craft)
                 for k, name in enumerate(self.scenario.names):
-                    parts = flown_turns(own, k, last)
+                    parts = executed_turns(own, k, last)
                     found.setdefault(name, []).extend((times + result.start, rows) for times, rows in parts)
                 continue
             both: dict[Group, list[tuple[Floats, Floats]]] = {
@@ -99,7 +99,7 @@ def turns(search: Search, group: Group, last: float) -> list[tuple[Floats, Float
     return found
 
 
-def flown_turns(own: ExecutedTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:
+def executed_turns(own: ExecutedTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:
     """Return the turns of craft k by its own clock up to the time `last` [s], including its waits."""
     found = []
     for start, end in pairwise(np.clip([0.0, *own.begins[k], last], 0.0, last).tolist()):
@@ -124,12 +124,12 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
     if names is not None:
         raise ValueError("names: a run takes its names from the scenario; leave them out")
     scenario = result.scenario
-    if not result.flown:
+    if not result.executed:
         raise ValueError(f"result: no stage was executed, {result.stopped}; correct the scenario first")
-    paths = [through(result.orbit, result.flown, k) for k in range(len(scenario.names))]
+    paths = [through(result.orbit, result.executed, k) for k in range(len(scenario.names))]
     craft = tuple(
-        FlownCraft(
-            one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass, spread(result.flown, one)
+        ExportedCraft(
+            one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass, spread(result.executed, one)
         )
         for one, path in zip(scenario.craft, paths, strict=True)
     )
@@ -172,7 +172,7 @@ def of_paths(path: Path, chief: Chief | None, names: Sequence[str] | None) -> So
         found = burns_of(one).significant
         unknown = np.full(len(found.start), np.nan)
         burns = Shots(found.start, found.duration, found.push, unknown, np.zeros(len(found.start), dtype=int))
-        craft.append(FlownCraft(name, UNKNOWN, one, burns))
+        craft.append(ExportedCraft(name, UNKNOWN, one, burns))
     epoch = None if chief is None else chief.instant
     return Source("Paths", tuple(craft), path.orbit.mean_motion, chief, epoch, PATH_REMEDY)
 

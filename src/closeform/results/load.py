@@ -81,9 +81,9 @@ class LoadedStage(Result):
         return self.after.end
 
     @property
-    def flown(self) -> bool:
+    def executed(self) -> bool:
         """True if the stage was executed, so that its paths count; False for a failed plan."""
-        return bool(self.figures["flown"])
+        return bool(self.figures["executed"])
 
     @property
     def failure(self) -> str | None:
@@ -135,7 +135,7 @@ class LoadedRun(Stages):
     @cached_property
     def burns(self) -> Columns:
         """Every burn with its stage, in the columns of `burns.parquet`."""
-        return arc_tables.together([one.burns for one in self.flown])
+        return arc_tables.together([one.burns for one in self.executed])
 
     @property
     def clear(self) -> bool:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from closeform.scenario import Scenario
 
 SUMMARY, SCENARIO = "summary.json", "scenario.toml"
-REPORT, VIEWER, WORST_FLIGHT = "report.html", "viewer.html", "flown.html"
+REPORT, VIEWER, WORST_FLIGHT = "report.html", "viewer.html", "worst.html"
 FORMAT = 1  # of summary.json
 DIGESTED = (".parquet", ".toml")  # files that `load` reads, with their SHA-256 in the summary, and
 INPUTS = "inputs/"  # the files that a scenario names

@@ -39,7 +39,7 @@ def conflicts(shown: Shown) -> list[Record]:
 
 def flights(result: StageResult[Any, Any]) -> list[tuple[str, WatchedFlight]]:
     """Return the watched paths "before" avoidance, if they differ, and "after" it, if executed."""
-    last = [("after" if result.flown else "before", result.after)]
+    last = [("after" if result.executed else "before", result.after)]
     return last if result.before is result.after else [("before", result.before), *last]
 
 

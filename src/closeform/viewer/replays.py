@@ -59,21 +59,24 @@ def mission_of(campaign: Any, case: int | None) -> Mission:
 
     A search is recomputed. Other missions are those that the study kept in this process.
     """
-    from closeform.mission.mission import fly, in_field  # a study without pages does not need its kernels
+    from closeform.mission.mission import (
+        in_field,
+        plan_mission,
+    )  # a study without pages does not need its kernels
 
     if case is None:
         planned: Mission = campaign.mission
         return planned
     if isinstance(campaign, Campaign):
-        return fly(case_of(with_seed(campaign.scenario, campaign.seed), case))
-    flown: Mission = campaign.kind.mission(case)
+        return plan_mission(case_of(with_seed(campaign.scenario, campaign.seed), case))
+    executed: Mission = campaign.kind.mission(case)
     stages = tuple(
         replace(
-            one, validity=in_field(flown.scenario, replace(one, after=one.commanded or one.after)).validity
+            one, validity=in_field(executed.scenario, replace(one, after=one.commanded or one.after)).validity
         )
-        for one in flown.results
+        for one in executed.results
     )
-    return replace(flown, results=stages)
+    return replace(executed, results=stages)
 
 
 def write_mission(mission: Mission, name: str, folder: Folder) -> None:

@@ -110,7 +110,7 @@ def stages(shown: Shown) -> list[dict[str, Any]]:
             "start": result.start,
             "end": result.end,
             "failure": result.failure,
-            "flown": result.flown,
+            "executed": result.executed,
         }
         for result in shown.results
     ]

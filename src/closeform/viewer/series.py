@@ -100,7 +100,7 @@ def used_up(shown: Shown, craft: int) -> tuple[Floats, Floats] | None:
     """Return times [s] and cumulative delta-v [m/s] over all executed stages; None if it is zero."""
     parts, so_far = [], 0.0
     for result in shown.results:
-        if not result.flown:
+        if not result.executed:
             continue
         edges = np.array([result.start, result.end])
         times, values = spent(result, craft) or (edges, np.zeros(2))

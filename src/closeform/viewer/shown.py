@@ -123,7 +123,7 @@ class Shown:
         shown = cls._of_one(simulated.run.scenario.epoch, simulated.worst, simulated.zones, staged(Flight))
         stages = tuple(
             StageResult(one.number, one.stage, float(np.min(flight.paths.start)), flight, flight, None)
-            for one, flight in zip(simulated.run.flown, simulated.worst_by_stage, strict=True)
+            for one, flight in zip(simulated.run.executed, simulated.worst_by_stage, strict=True)
         )
         which = f"{simulated.which[0].upper()}{simulated.which[1:]}: " if simulated.which else ""
         return replace(shown, title=which, results=stages)

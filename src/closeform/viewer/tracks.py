@@ -46,10 +46,10 @@ def track(numbers: Numbers, path: Path, craft: int, stage: int, kind: str, error
 
 
 def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
-    """Return every track except drifts after a failure; executed paths ("flown") come first."""
+    """Return every track except drifts after a failure; executed paths ("executed") come first."""
     return [
         track(numbers, path, craft, result.number, kind, error)
-        for kind, ways in (("flown", executed), ("before", before), ("planned", planned))
+        for kind, ways in (("executed", executed), ("before", before), ("planned", planned))
         for result in shown.results
         for craft, path in ways(result)
     ]

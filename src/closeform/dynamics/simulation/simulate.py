@@ -120,8 +120,8 @@ def simulate(
     >>> import closeform as cf
     >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
     >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
-    >>> flown = cf.simulate(path, cf.Field(chief), navigation=cf.Navigation(0.1, 3e-4), seeds=20)
-    >>> flown.greatest_end < 0.4
+    >>> simulated = cf.simulate(path, cf.Field(chief), navigation=cf.Navigation(0.1, 3e-4), seeds=20)
+    >>> simulated.greatest_end < 0.4
     True
     """
     paths = checked_paths(plan, field)

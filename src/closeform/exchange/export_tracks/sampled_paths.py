@@ -35,7 +35,7 @@ TURN = 0.5  # rad of the frame's rotation, within which 16 Gauss points integrat
 
 
 @dataclass(frozen=True, eq=False)
-class FlownCraft:
+class ExportedCraft:
     """One spacecraft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known.
 
     `spread` holds its path in each stage, with its errors at the start of the stage; empty without errors.
@@ -49,7 +49,7 @@ class FlownCraft:
     spread: tuple[tuple[Path, Uncertainty], ...] = ()
 
 
-def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
+def tracks(craft: Sequence[ExportedCraft], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
     """Return all spacecraft at common nodes, `step` [s] or the longest accurate step apart, and at edges.
 
     Raises ValueError if a given step causes a larger error between nodes.
@@ -136,7 +136,7 @@ def rows(piece: Path, times: Floats, columns: int = 6) -> Floats:
     return found
 
 
-def turned(craft: FlownCraft, frame: FileFrame) -> Shots:
+def turned(craft: ExportedCraft, frame: FileFrame) -> Shots:
     """Return the burns of a spacecraft along the axes of the file; a long burn is integrated along them."""
     burns, path = craft.burns, craft.path
     if frame.chief is None or not len(burns):

@@ -54,9 +54,11 @@ def fill_arcs(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: Flo
         counts[p] = count
 
 
-def flown_arcs(mean_motion: float, arcs: Floats, finals: Floats, found: Floats) -> tuple[Floats, Any]:
+def impulse_trajectories(
+    mean_motion: float, arcs: Floats, finals: Floats, found: Floats
+) -> tuple[Floats, Any]:
     """Return the arcs of plans from their answers, and the offsets of each plan's arcs."""
-    flown, offsets = np.zeros((len(arcs), MOST + 2, ARC)), np.zeros(len(arcs) + 1, dtype=np.int64)
-    fill_arcs(mean_motion, arcs, finals, found, flown, offsets[1:])
+    trajectories, offsets = np.zeros((len(arcs), MOST + 2, ARC)), np.zeros(len(arcs) + 1, dtype=np.int64)
+    fill_arcs(mean_motion, arcs, finals, found, trajectories, offsets[1:])
     used = np.arange(MOST + 2) < offsets[1:, None]
-    return flown[used], offsets.cumsum()
+    return trajectories[used], offsets.cumsum()

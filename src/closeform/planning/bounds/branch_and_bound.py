@@ -186,10 +186,10 @@ class _Search:
     def at_conflicts(self, node: Node, fine: float) -> bool:
         """Queue the node with samples at conflicts of the bound's paths; return whether there are any."""
         problem = self.samples.problem
-        flown = problem.flown(self.samples.pushed(node.samples, node.answer.forces))
+        trajectories = problem.trajectories(self.samples.pushed(node.samples, node.answer.forces))
         found = [
             self.samples.near(problem.index[pair], row[2], SAME * fine)
-            for pair, row in problem.conflicts(flown)
+            for pair, row in problem.conflicts(trajectories)
             if row[3] < 1.0 - DEEP * fine
         ]
         fresh = [number for number in dict.fromkeys(found) if number not in node.samples]

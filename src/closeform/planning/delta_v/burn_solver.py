@@ -18,7 +18,7 @@ from closeform.arrays import Floats
 from closeform.fuel.pulses import extended
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
-from closeform.motion.minimum_delta_v.impulse_arcs import flown_arcs
+from closeform.motion.minimum_delta_v.impulse_arcs import impulse_trajectories
 from closeform.motion.minimum_delta_v.reduced import LOWER
 from closeform.motion.minimum_delta_v.saturated import BOUND, NEEDED, UNDECIDED
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust, limited
@@ -39,7 +39,7 @@ from closeform.planning.delta_v.impulse_solver import (
     Program,
 )
 from closeform.planning.delta_v.unconstrained import answers_alone
-from closeform.planning.problem.problem import Closest, Flown, Problem
+from closeform.planning.problem.problem import Closest, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
@@ -112,15 +112,15 @@ class BurnSolver(ImpulseSolver):
                     return alone
                 least += float(max(facts[0, BOUND], found[0, LOWER]))
             else:
-                arcs, _ = flown_arcs(*task, found)
+                arcs, _ = impulse_trajectories(*task, found)
                 least += float(found[0, LOWER])
             path = Path(problem.orbit, arcs, np.array([0, len(arcs)]), ())
             paths.append(extended(path, problem.first, problem.arrival))
-        flown, spent = problem.with_path(*paths), float(sum(path.delta_v for path in paths))
+        trajectories, spent = problem.with_path(*paths), float(sum(path.delta_v for path in paths))
         none = [Moments.slots(np.empty(1))] * problem.count
         impulses = np.empty((problem.count, 0, 3))
-        checked = self.checked(flown, Contacts.none())
-        return Spent(flown, spent, least, checked, Contacts.none(), 1.0, none, impulses, none)
+        checked = self.checked(trajectories, Contacts.none())
+        return Spent(trajectories, spent, least, checked, Contacts.none(), 1.0, none, impulses, none)
 
     def alone(self) -> Spent | None:
         """Return the unconstrained optimum on slots, with the bound of impulses; None without one."""
@@ -145,31 +145,31 @@ class BurnSolver(ImpulseSolver):
         found, self.enough = tightened(self.tried, safe, reached)
         return found
 
-    def instead_of(self, flown: Flown, known: Spent) -> Spent | None:
+    def instead_of(self, trajectories: Trajectories, known: Spent) -> Spent | None:
         """Return clear burns near clear paths of continuous thrust; None without any, or for high limits.
 
         A thrust slightly above the limits is reduced gradually.
         """
-        peaks = self.problem.path(flown).peak_thrust
+        peaks = self.problem.path(trajectories).peak_thrust
         if not (self.limits > 0.0).all() or (self.limits > BRIEF_BURNS * peaks).all():
             return None
         reached = float(max((peaks / self.limits).max(), 1.0))
         for parts in PARTS:
-            near = self.staircase(flown, parts, known)
+            near = self.staircase(trajectories, parts, known)
             found = cleared(self, near) if reached == 1.0 else None
             found = found or tightened(self.tried, near, ROOMY * reached)[0]
             if found is not None:
                 return found
         return None
 
-    def staircase(self, flown: Flown, parts: int, known: Spent) -> Spent:
+    def staircase(self, trajectories: Trajectories, parts: int, known: Spent) -> Spent:
         """Return burns with the mean thrust of paths in each slot of the grid, cut into equal parts."""
         moments, pushes = [], []
         for k, edges in enumerate(self.edges):
             number = np.arange(parts * (len(edges) - 1) + 1) / parts
             own = Moments.slots(np.interp(number, np.arange(len(edges)), edges))
             middles = own.times[:, None] + own.widths[:, None] * np.array(POINTS)
-            thrust = self.problem.path(flown)[k].thrust(middles.ravel()).reshape(*middles.shape, 3)
+            thrust = self.problem.path(trajectories)[k].thrust(middles.ravel()).reshape(*middles.shape, 3)
             moments.append(own)
             pushes.append(own.widths[:, None] * np.einsum("p,jpa->ja", np.array(WEIGHTS), thrust))
         return self.fired_at(moments, pushes_table(pushes), known)

@@ -9,7 +9,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END
 from closeform.planning.delta_v.firing_times import Moments, sizes_of, some_of_each
-from closeform.planning.problem.problem import Flown, PairRow, Problem
+from closeform.planning.problem.problem import PairRow, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
 ASTRAY = 1e-6  # of the distance of the ends, or of a metre: larger errors are misses
@@ -45,7 +45,7 @@ class Spent:
     Delta-v is the sum of the sizes of all `impulses`; two thrusters that fire at once both count.
     """
 
-    flown: Flown
+    trajectories: Trajectories
     delta_v: float
     least: float  # [m/s]: certified lower bound for these planes and any firing times
     checked: Checked
@@ -85,7 +85,7 @@ class Failures(Protocol):
 
     holding: bool  # keep active planes although paths have left them
 
-    def checked(self, flown: Flown, known: Contacts) -> Checked:
+    def checked(self, trajectories: Trajectories, known: Contacts) -> Checked:
         """Return conflicts of paths and close approaches of failed craft, also from `known` contacts."""
 
     def starts(self, margin: float = ...) -> Iterator[Contacts]:
@@ -96,16 +96,16 @@ class Failures(Protocol):
     ) -> Contacts:
         """Return the contacts for fewer moments `after`, each of which replaces those of `before` near it."""
 
-    def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
+    def touching(self, trajectories: Trajectories, contacts: Contacts) -> tuple[Contacts, bool]:
         """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
 
-    def brief(self, flown: Flown) -> Flown:
+    def brief(self, trajectories: Trajectories) -> Trajectories:
         """Return the paths with impulses as brief burns, during which thrust may be lost."""
 
 
-def arrive(problem: Problem, flown: Flown, finals: Floats) -> bool:
+def arrive(problem: Problem, trajectories: Trajectories, finals: Floats) -> bool:
     """Return whether craft reach their final states (N, 6), which few fixed directions may not allow."""
-    paths, ends = problem.path(flown), problem.base[:, END]
+    paths, ends = problem.path(trajectories), problem.base[:, END]
     off = np.abs(np.stack([paths[i].state(end) for i, end in enumerate(ends)]) - finals)[:, :3].max()
     return bool(off <= ASTRAY * np.abs(finals[:, :3]).max(initial=1.0))
 

@@ -25,7 +25,7 @@ from closeform.planning.bounds.zone_pieces import Piece, pieces
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_solver import LAST, ImpulseSolver
-from closeform.planning.problem.problem import Flown, deepest
+from closeform.planning.problem.problem import Trajectories, deepest
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.zone import scaled_norm
 
@@ -49,7 +49,7 @@ class Node(NamedTuple):
     order: int
     contacts: Contacts
     held: tuple[Piece, ...]
-    flown: Flown
+    trajectories: Trajectories
     tight: bool
 
 
@@ -110,9 +110,9 @@ class DeltaVProof:
             moments = list(map(Moments.joined, moments, found.peaks))
         assert found is not None
         solver.requirements.keep(found.multipliers[contacts.number :], FELT)
-        flown = solver.flown(fleet, found.impulses)
+        trajectories = solver.trajectories(fleet, found.impulses)
         tight = tightened and bound - before < GAINED * self.spent
-        heappush(self.queue, Node(bound, self.nodes, contacts, held, flown, tight))
+        heappush(self.queue, Node(bound, self.nodes, contacts, held, trajectories, tight))
 
     def open(self, node: Node) -> None:
         """Branch on the pair that is deepest inside its zone, at a time of the node or at another one.
@@ -120,16 +120,16 @@ class DeltaVProof:
         Where the node's paths leave a requirement, its planes there hold for all plans, and tighten the node.
         """
         problem, depth, which = self.solver.problem, INSIDE, -1
-        if not node.tight and self.solver.requirements.violations(node.flown) > OUTSIDE:
+        if not node.tight and self.solver.requirements.violations(node.trajectories) > OUTSIDE:
             self.examine(node.contacts, node.held, node.bound, tightened=True)
             return
-        places = problem.motions(node.flown, node.contacts)[:, 0]
+        places = problem.motions(node.trajectories, node.contacts)[:, 0]
         for k, (place, piece) in enumerate(zip(places, node.held, strict=True)):
             zone = problem.zones[problem.kinds[node.contacts.which[k]]]
             short = 1.0 - float(scaled_norm(zone, place))
             if short > depth and piece.can_be_cut:
                 depth, which = short, k
-        met = problem.conflicts(node.flown)
+        met = problem.conflicts(node.trajectories)
         if which < 0 and (not met or deepest(met)[1][3] > 1.0 - INSIDE):
             self.finish(node)
         elif which < 0:

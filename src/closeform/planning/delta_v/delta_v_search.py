@@ -85,7 +85,7 @@ def solve_impulses(
 
     def near() -> Spent | None:
         free, lasting = impulses.unconstrained(), by_energy()
-        long = None if lasting.flown is None else burns.instead_of(lasting.flown, free)
+        long = None if lasting.trajectories is None else burns.instead_of(lasting.trajectories, free)
         problem.effort.begin()  # after continuous thrust, impulses and the burns near them
         best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
@@ -94,12 +94,14 @@ def solve_impulses(
         return min(clear, key=lambda one: one.delta_v, default=None)
 
     found, free = solved(burns, by_energy, budget, more, None if failures is None else near)
-    if found.flown is not None:
-        peaks = problem.path(found.flown).peak_thrust
+    if found.trajectories is not None:
+        peaks = problem.path(found.trajectories).peak_thrust
         if (peaks <= FULL * limits).all():
             return found, free
     known = np.isfinite(limits)
-    times = inf if found.flown is None else float((peaks[known] / limits[known]).max())  # of minimum energy
+    times = (
+        inf if found.trajectories is None else float((peaks[known] / limits[known]).max())
+    )  # of minimum energy
     times = min(times, burns.enough)
     enough = None if times == inf else np.where(known, times * limits, 0.0)
     none = Outcome(
@@ -141,7 +143,9 @@ def solved(
     if alone is not None:
         alone = in_bits(solver, alone) or alone
         small = int(solver.below_bit(alone).sum())
-        found = Outcome(alone.flown, (), 0.0, alone.margin, True, 0, delta_v=alone.delta_v, below_bit=small)
+        found = Outcome(
+            alone.trajectories, (), 0.0, alone.margin, True, 0, delta_v=alone.delta_v, below_bit=small
+        )
         return found, free
     tried, safe = len(begun), best is not None
     if best is not None and fires(solver):
@@ -161,16 +165,16 @@ def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
     """Return the outcome of a search that found clear paths."""
     problem = solver.problem
     touched = solver.settled(best).some(best.pushing) if best.contacts.number else best.contacts
-    at, priced = best.flown, True
+    at, priced = best.trajectories, True
     if solver.failures is not None:
         touched = touched.some(touched.multipliers > FELT * best.delta_v)
         touched, priced = solver.failures.touching(at, touched)
         at = solver.failures.brief(at)
     elif (whole := in_bits(solver, best)) is not None:
-        best, at, priced = whole, whole.flown, False
+        best, at, priced = whole, whole.trajectories, False
         places = problem.motions(at, touched)[:, 0]
         touched = touched.some((touched.normals * places).sum(axis=1) < NEAR)
-    answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
+    answer = best.trajectories, contacts_of(problem, touched, at), nan, best.margin, False, tried
     small = int(solver.below_bit(best).sum())
     return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small)
 
@@ -233,7 +237,7 @@ def searched(
         return free, []
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     effort, other = solver.problem.effort, None if near is None else near()
-    solver.closest.note(free.checked.worst, free.flown)
+    solver.closest.note(free.checked.worst, free.trajectories)
     best: Spent | None = None
     begun: list[Contacts] = []
     alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()
@@ -375,14 +379,14 @@ def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:
 
 def strayed(problem: Problem, free: Spent, found: Spent) -> bool:
     """Return whether contacts displace a craft so far from its unconstrained path that no plan results."""
-    there, here = (problem.motions(one.flown, found.contacts)[:, 0] for one in (free, found))
+    there, here = (problem.motions(one.trajectories, found.contacts)[:, 0] for one in (free, found))
     pushed = (found.contacts.normals * (here - there)).sum(axis=1)
     return bool((np.abs(pushed) > TOGETHER).any())
 
 
 def thrusting(problem: Problem, found: Outcome) -> Outcome:
     """Return an outcome of minimum energy as one of delta-v."""
-    spent = nan if found.flown is None else float(np.sum(problem.path(found.flown).delta_v))
+    spent = nan if found.trajectories is None else float(np.sum(problem.path(found.trajectories).delta_v))
     return replace(found, proven=False, delta_v=spent, priced=False)
 
 
@@ -394,9 +398,9 @@ def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]
     if solver.pushes.fixed.any() or solver.problem.requirements:
         return None
     found = thrusting(solver.problem, by_energy())
-    if found.flown is None or not best.delta_v > DEAR * found.delta_v:
+    if found.trajectories is None or not best.delta_v > DEAR * found.delta_v:
         return None
-    peaks = solver.problem.path(found.flown).peak_thrust[: solver.problem.count]
+    peaks = solver.problem.path(found.trajectories).peak_thrust[: solver.problem.count]
     limited = solver.limits > 0.0
     return None if (peaks > FULL * solver.limits)[limited].any() else found
 
@@ -429,11 +433,11 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
     if solver.failures is None and (solver.pushes.fixed.any() or (limited and problem.count == 1)):
         anywhere = ImpulseSolver(problem, (None,) * problem.count, ("",) * problem.count)
         yield from touched(problem, solved(anywhere, by_energy, ONE)[0])
-    near = beside(problem, free.flown, problem.met(free.checked.missed))
+    near = beside(problem, free.trajectories, problem.met(free.checked.missed))
     yield near.joined(free.checked.lost)
     if near.number > FEW:
         return
-    for _, k, normal in ranked_exits(problem, free.flown, near):
+    for _, k, normal in ranked_exits(problem, free.trajectories, near):
         normals = near.normals.copy()
         normals[k] = normal
         yield near._replace(normals=normals)
@@ -452,7 +456,7 @@ def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterato
             others = contacts.some(contacts.which != which)
             own = contacts.some(contacts.which == which)
             one = own.some([int(own.multipliers.argmax())])
-            for _, _, normal in ranked_exits(solver.problem, best.flown, one):
+            for _, _, normal in ranked_exits(solver.problem, best.trajectories, one):
                 start = others.joined(one._replace(normals=normal[None]))
                 found = solver.dual(
                     solver.fleet(solver.grid), solver.planes(start, solver.least), WIDEST, best.delta_v
@@ -477,5 +481,5 @@ def blocked(solver: ImpulseSolver, free: Spent) -> tuple[int, int] | None:
 
 def touched(problem: Problem, found: Outcome) -> Iterator[Contacts]:
     """Yield the contacts of another plan, if it has any."""
-    if found.flown is not None and found.contacts:
-        yield beside(problem, found.flown, problem.touched(found.contacts))
+    if found.trajectories is not None and found.contacts:
+        yield beside(problem, found.trajectories, problem.touched(found.contacts))

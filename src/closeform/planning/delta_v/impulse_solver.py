@@ -24,7 +24,7 @@ from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
 from closeform.planning.delta_v.checks import Checked, Failures, Spent, arrive, drifting, pushing
 from closeform.planning.delta_v.dual.dual_program import price
 from closeform.planning.delta_v.dual.fleet import Dual, Fleet, Planes, Priced
-from closeform.planning.delta_v.dual.impulse_paths import fly_impulses, keep_fewest
+from closeform.planning.delta_v.dual.impulse_paths import fill_trajectories, keep_fewest
 from closeform.planning.delta_v.dual.plane_shortfalls import fill_planes
 from closeform.planning.delta_v.dual.primer_maxima import find_peaks
 from closeform.planning.delta_v.fewer_impulses import steps_to_fewer
@@ -33,7 +33,7 @@ from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
-from closeform.planning.problem.problem import Closest, Flown, Problem
+from closeform.planning.problem.problem import Closest, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
@@ -139,9 +139,11 @@ class ImpulseSolver:
         ]
         fleet = self.fleet(fired)
         impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
-        flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
+        trajectories, least = self.trajectories(fleet, impulses), float(found[:, LOWER].sum())
         spent, none = float(sizes_of(impulses).sum()), Contacts.none()  # after the repair of the ends
-        return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
+        return Spent(
+            trajectories, spent, least, self.checked(trajectories, none), none, 1.0, fired, impulses, fired
+        )
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
         """Return the cheapest clear paths found from a start; None without any well below `bar`."""
@@ -161,7 +163,7 @@ class ImpulseSolver:
     def displacement(self, one: Spent, other: Spent) -> float:
         """Return the largest displacement of a pair at its contacts, in zones."""
         known = one.checked.lost.joined(other.contacts)
-        here, there = (self.problem.motions(paths.flown, known)[:, 0] for paths in (one, other))
+        here, there = (self.problem.motions(paths.trajectories, known)[:, 0] for paths in (one, other))
         return float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
 
     def part_way(self, one: Spent, other: Spent, share: float) -> Spent:
@@ -180,7 +182,7 @@ class ImpulseSolver:
 
     def arrives(self, found: Spent) -> bool:
         """Return whether paths reach their final states."""
-        return arrive(self.problem, found.flown, self.finals)
+        return arrive(self.problem, found.trajectories, self.finals)
 
     def exhausted(self) -> bool:
         """Return whether the search has used its effort."""
@@ -190,8 +192,8 @@ class ImpulseSolver:
         """Return the program of found paths, with planes at their conflicts that clear paths satisfy."""
         problem, lost, met = self.problem, found.checked.lost, self.problem.met(found.checked.missed)
         if self.failures is not None:
-            lost = lost._replace(normals=problem.normals(self.failures.brief(clear.flown), lost, -inf))
-        met = met._replace(normals=problem.normals(clear.flown, met, -inf))
+            lost = lost._replace(normals=problem.normals(self.failures.brief(clear.trajectories), lost, -inf))
+        met = met._replace(normals=problem.normals(clear.trajectories, met, -inf))
         return Program(found.contacts.joined(lost.joined(met)), found.moments)
 
     def by_few(self, moments: list[Moments], impulses: Floats, known: Spent, contacts: Contacts) -> Spent:
@@ -201,9 +203,16 @@ class ImpulseSolver:
 
     def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
         """Return the result of impulses at moments, checked at the contacts of `known` paths."""
-        flown = self.flown(self.fleet(moments), impulses)
-        spent, checked = float(sizes_of(impulses).sum()), self.checked(flown, known.contacts)
-        return replace(known, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
+        trajectories = self.trajectories(self.fleet(moments), impulses)
+        spent, checked = float(sizes_of(impulses).sum()), self.checked(trajectories, known.contacts)
+        return replace(
+            known,
+            trajectories=trajectories,
+            delta_v=spent,
+            checked=checked,
+            moments=moments,
+            impulses=impulses,
+        )
 
     def relinearise(self, found: Spent) -> Program:
         """Return the program of the next round: turned planes, those of conflicts, and firing times."""
@@ -343,25 +352,27 @@ class ImpulseSolver:
         felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
         active = self.requirements.keep(found.multipliers[number:])
         keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
-        flown = self.flown(fleet, impulses)
-        if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
+        trajectories = self.trajectories(fleet, impulses)
+        if self.pushes.fixed.any() and not arrive(self.problem, trajectories, self.finals):
             return None
-        checked = self.checked(flown, contacts)
+        checked = self.checked(trajectories, contacts)
         self.requirements.relinearise(checked.kept)
-        self.closest.note(checked.worst, flown)
+        self.closest.note(checked.worst, trajectories)
         spent = float(sizes_of(impulses).sum())
-        return Spent(flown, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
+        return Spent(trajectories, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
 
-    def checked(self, flown: Flown, contacts: Contacts) -> Checked:
+    def checked(self, trajectories: Trajectories, contacts: Contacts) -> Checked:
         """Return conflicts of paths, with thrust and after its loss, and whether requirements are kept.
 
         Where they are not, planes are added for the next round.
         """
         if self.failures is None:
-            found = Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
+            found = Checked(self.problem.conflicts(trajectories), Contacts.none(), 1.0)
         else:
-            found = self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
-        return found._replace(kept=self.requirements.hold(flown)) if self.problem.requirements else found
+            found = self.failures.checked(trajectories, contacts.some(pushing(contacts) & drifting(contacts)))
+        return (
+            found._replace(kept=self.requirements.hold(trajectories)) if self.problem.requirements else found
+        )
 
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
@@ -439,9 +450,11 @@ class ImpulseSolver:
         if self.failures is not None:
             undrifting = ~drifting(contacts)
             contacts, kept = contacts.some(undrifting), kept[undrifting]
-        contacts = contacts._replace(normals=problem.normals(found.flown, contacts, TURNED))
+        contacts = contacts._replace(normals=problem.normals(found.trajectories, contacts, TURNED))
         if not kept.all():
-            kept |= (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
+            kept |= (contacts.normals * problem.motions(found.trajectories, contacts)[:, 0]).sum(
+                axis=1
+            ) < nearer
             contacts = contacts.some(kept)
         for pair, row in found.checked.missed:
             one = problem.at(pair, row[2])
@@ -454,19 +467,19 @@ class ImpulseSolver:
                 near = np.flatnonzero(contacts.which == one.which[0])
                 if len(near):  # start from the pair's other plane
                     one.normals[0] = contacts.normals[near[np.argmin(when[near])]]
-                contacts = contacts.joined(beside(problem, found.flown, one))
+                contacts = contacts.joined(beside(problem, found.trajectories, one))
         return contacts.joined(found.checked.lost)
 
-    def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
+    def trajectories(self, fleet: Fleet, impulses: Floats) -> Trajectories:
         """Return the paths of all bodies under impulses."""
         count = self.problem.count
         arcs = np.empty((count * (2 * fleet.times.shape[1] + 2), WIDTH))
         offsets = np.empty(count + 1, dtype=np.int64)
-        number = fly_impulses(fleet, impulses, arcs, offsets)
+        number = fill_trajectories(fleet, impulses, arcs, offsets)
         return self.problem.with_obstacles(arcs[:number], offsets)
 
 
-def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
+def beside(problem: Problem, trajectories: Trajectories, contacts: Contacts) -> Contacts:
     """Return contacts with normals towards the sides on which paths pass, or forward where two craft meet."""
-    normals = problem.normals(flown, contacts, -inf)
+    normals = problem.normals(trajectories, contacts, -inf)
     return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))

@@ -15,7 +15,7 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, START, STATE
 from closeform.planning.delta_v.dual.fleet import Fleet, Planes
 from closeform.planning.delta_v.firing_times import Moments, Pushes
-from closeform.planning.problem.problem import Flown, Problem
+from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.requirements.requirement import AFTER, Requirement
 from closeform.planning.requirements.thrust_directions import ThrustRequirement
 
@@ -30,15 +30,15 @@ class PathRequirements:
 
     def __init__(self, problem: Problem, pushes: Pushes) -> None:
         self.problem, self.pushes = problem, pushes
-        self.flown = problem.direct  # last paths
+        self.trajectories = problem.direct  # last paths
         self.planes, self.reserves = Planes.room(0), np.empty(0)
         self.inward = 1.0  # factor of the reserves
         self.outside = 0.0  # shortfall of the last paths, in reserves
 
-    def violations(self, flown: Flown) -> float:
+    def violations(self, trajectories: Trajectories) -> float:
         """Add planes where paths leave the requirements; return the largest shortfall in reserves."""
-        paths, short = self.problem.path(flown), -inf
-        for i, own in enumerate(self.among(flown)):
+        paths, short = self.problem.path(trajectories), -inf
+        for i, own in enumerate(self.among(trajectories)):
             for one in own:
                 worst, times, states = one._worst(paths[i])
                 fresh = self.supporting(i, one, times, states)
@@ -47,17 +47,17 @@ class PathRequirements:
                 short = max(short, -worst / one.reserve)
         return short
 
-    def hold(self, flown: Flown) -> bool:
+    def hold(self, trajectories: Trajectories) -> bool:
         """Return whether paths keep all requirements, by proof; add planes where they do not."""
-        self.outside, paths = max(self.violations(flown), 0.0), self.problem.path(flown)
-        self.flown = flown
+        self.outside, paths = max(self.violations(trajectories), 0.0), self.problem.path(trajectories)
+        self.trajectories = trajectories
         return self.outside == 0.0 and all(
-            one.holds(paths[i]) for i, own in enumerate(self.among(flown)) for one in own
+            one.holds(paths[i]) for i, own in enumerate(self.among(trajectories)) for one in own
         )
 
-    def among(self, flown: Flown) -> list[list[Requirement]]:
+    def among(self, trajectories: Trajectories) -> list[list[Requirement]]:
         """Return the requirements of each craft, among the paths of all bodies."""
-        bodies = self.problem.bodies(flown)
+        bodies = self.problem.bodies(trajectories)
         return [[one._among(bodies, i) for one in own] for i, own in enumerate(self.problem.requirements)]
 
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
@@ -153,10 +153,10 @@ class PathRequirements:
     def cones(self, i: int, times: Floats, widths: Floats) -> tuple[Floats, Floats]:
         """Return axes (C, J, 3) and half-angles (C, J) without thrust of a craft, during moments (J,)."""
         axes, angles = np.empty((0, len(times), 3)), np.empty((0, len(times)))
-        for one in self.among(self.flown)[i]:
+        for one in self.among(self.trajectories)[i]:
             if isinstance(one, ThrustRequirement):
                 about = 0.5 * widths
-                states = self.problem.path(self.flown)[i].state(times + about)
+                states = self.problem.path(self.trajectories)[i].state(times + about)
                 fresh, wide = one._excluded(
                     times + about, states[:, :3], about, np.linalg.norm(states[:, 3:], axis=1)
                 )

@@ -23,7 +23,7 @@ from closeform.planning.delta_v.dual.fleet import Fleet
 from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.delta_v.impulse_descent import at_rest, cleared, tightened
 from closeform.planning.delta_v.impulse_solver import ImpulseSolver
-from closeform.planning.problem.problem import Flown
+from closeform.planning.problem.problem import Trajectories
 from closeform.planning.problem.scene import Contacts
 
 REPAIRS, MET = 8, 1e-13  # corrections of the ends, and the accepted error, of delta-v
@@ -147,7 +147,7 @@ class PulseSolver(ImpulseSolver):
                 begins[mine] = apart(begins[mine], lengths[mine], lengths[mine] + inside, first, last)
         return begins
 
-    def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
+    def trajectories(self, fleet: Fleet, impulses: Floats) -> Trajectories:
         """Return the paths of all bodies under pulses with the sizes of impulses, with corrected ends."""
         return self.problem.with_path(*(self.pulsed(i, own) for i, own in enumerate(impulses)))
 

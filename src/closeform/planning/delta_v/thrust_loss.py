@@ -23,7 +23,7 @@ from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.passive.failure_minima import find_failures
 from closeform.planning.passive.passive_search import PassiveSearch, failures
-from closeform.planning.problem.problem import Flown, Problem
+from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import scaled_norm
@@ -54,27 +54,27 @@ class ImpulseFailures:
         self.unshifted = np.zeros((len(self.scene.states), 6))
         self.lengths = problem.base[:, END] - problem.base[:, START]
 
-    def checked(self, flown: Flown, known: Contacts) -> Checked:
+    def checked(self, trajectories: Trajectories, known: Contacts) -> Checked:
         """Return conflicts of paths and close approaches of failed craft, also from `known` contacts.
 
         The absence of conflicts is certified.
         """
         problem = self.problem
-        planned = problem.path(flown)
+        planned = problem.path(trajectories)
         each = [extended(planned[k], problem.first, problem.last) for k in range(problem.count)]
         until_the_end = problem.with_path(*each)
         missed = problem.conflicts(until_the_end)
-        lost, nearest = self.near(flown, known)
+        lost, nearest = self.near(trajectories, known)
         if nearest >= 1.0 and not missed:
             certain = failures(problem, planned, problem.bodies(until_the_end))
             if certain.number:
-                lost, nearest = self.near(flown, known.joined(certain))
+                lost, nearest = self.near(trajectories, known.joined(certain))
                 nearest = min(nearest, INSIDE)
         return Checked(missed, lost, nearest)
 
-    def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
+    def touching(self, trajectories: Trajectories, contacts: Contacts) -> tuple[Contacts, bool]:
         """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
-        wide = self.brief(flown)
+        wide = self.brief(trajectories)
         lasting = np.ptp(wide[0][self.rows_of(wide, contacts), START : END + 1], axis=1)
         amid = np.flatnonzero(drifting(contacts) & (lasting < 3.0 * BRIEF * self.lengths.max()))
         placed, _ = self.placed(wide, contacts.some(amid))
@@ -118,9 +118,9 @@ class ImpulseFailures:
                 known = np.append(known, found.energy)
                 yield found.contacts
 
-    def brief(self, flown: Flown) -> Flown:
+    def brief(self, trajectories: Trajectories) -> Trajectories:
         """Return the paths with impulses as brief burns, amid which thrust may be lost."""
-        arcs, offsets = flown
+        arcs, offsets = trajectories
         own = [
             widened(self.problem.orbit, arcs[offsets[i] : offsets[i + 1]], BRIEF * self.lengths[i])
             for i in range(self.problem.count)
@@ -128,12 +128,12 @@ class ImpulseFailures:
         starts = np.concatenate([[0], np.cumsum([len(rows) for rows in own])])
         return self.problem.with_obstacles(np.concatenate(own), starts)
 
-    def near(self, flown: Flown, known: Contacts) -> tuple[Contacts, float]:
+    def near(self, trajectories: Trajectories, known: Contacts) -> tuple[Contacts, float]:
         """Return planes at close approaches of failed craft, and the smallest norm.
 
         With `holding`, `known` planes that no new one replaces are included.
         """
-        wide = arcs, offsets = self.brief(flown)
+        wide = arcs, offsets = self.brief(trajectories)
         own = offsets[: self.problem.count + 1]
         craft, moments = self.failed(known), []
         for i in range(self.problem.count):
@@ -152,7 +152,7 @@ class ImpulseFailures:
             planes = planes.joined(known.some(self.unlike(known, planes)))
         return planes, nearest
 
-    def planes(self, wide: Flown, found: Contacts, norms: Floats) -> tuple[Contacts, float]:
+    def planes(self, wide: Trajectories, found: Contacts, norms: Floats) -> tuple[Contacts, float]:
         """Return planes for the coasts and impulses of the failures found, and the smallest norm."""
         arcs, rows, side, lost = wide[0], self.rows_of(wide, found), side_of(found), lost_at(found)
         start, end, burning = arcs[rows, START], arcs[rows, END], arcs[rows, PUSH : PUSH + 3].any(axis=1)
@@ -186,7 +186,7 @@ class ImpulseFailures:
         """Return the times (K, 2) of loss of thrust and contact, in units of the longest duration."""
         return np.column_stack([lost_at(contacts), contacts.times]) / float(self.lengths.max())
 
-    def placed(self, wide: Flown, found: Contacts) -> tuple[Contacts, Floats]:
+    def placed(self, wide: Trajectories, found: Contacts) -> tuple[Contacts, Floats]:
         """Return failures during burns, moved to the nearest points of their chords, and the norms there."""
         rows, side = self.rows_of(wide, found), side_of(found)
         start, end = wide[0][rows, START], wide[0][rows, END]
@@ -241,7 +241,7 @@ class ImpulseFailures:
         """Return the body (K,) that lost its thrust."""
         return self.problem.pairs[contacts.which, side_of(contacts)]
 
-    def rows_of(self, wide: Flown, found: Contacts) -> Any:
+    def rows_of(self, wide: Trajectories, found: Contacts) -> Any:
         """Return the arc (K,) of the failed craft in which its thrust was lost."""
         arcs, offsets = wide
         craft, lost = self.failed(found), lost_at(found)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.planning.problem.problem import Flown, Problem
+from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.shapes import BALL, CUBE, CYLINDER
 
@@ -36,10 +36,12 @@ def exit_normals(
     return list(zip(costs[order].tolist(), normals[order], strict=True))
 
 
-def ranked_exits(problem: Problem, flown: Flown, contacts: Contacts) -> list[tuple[float, int, Floats]]:
+def ranked_exits(
+    problem: Problem, trajectories: Trajectories, contacts: Contacts
+) -> list[tuple[float, int, Floats]]:
     """Return all exits of zones from the positions at contacts: (rough cost, which, normal), sorted."""
     found = []
-    for k, motion in enumerate(problem.motions(flown, contacts)):
+    for k, motion in enumerate(problem.motions(trajectories, contacts)):
         zone, compliance = problem.zones[problem.kinds[contacts.which[k]]], problem.kernel(contacts.some([k]))
         exits = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], compliance)
         found += [(cost, k, normal) for cost, normal in exits]

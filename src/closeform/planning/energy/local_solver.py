@@ -10,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.planning.energy.contact_solver import BLOCKED, OPTIMAL, Workspace, solve_local
 from closeform.planning.energy.quadratic_program import is_definite
 from closeform.planning.problem.contacts import Sides
-from closeform.planning.problem.problem import Flown, Problem
+from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
@@ -44,14 +44,14 @@ class Solution:
     optimal: bool
 
     @cached_property
-    def flown(self) -> Flown:
+    def trajectories(self) -> Trajectories:
         """The paths of all bodies."""
-        return self.problem.flown(self.contacts)
+        return self.problem.trajectories(self.contacts)
 
     @property
-    def planned(self) -> Flown:
+    def planned(self) -> Trajectories:
         """The paths of all bodies up to the last arrival, without the drift after it."""
-        return self.flown if self.problem.drift is None else self.problem.planned(self.contacts)
+        return self.trajectories if self.problem.drift is None else self.problem.planned(self.contacts)
 
     def same(self, other: "Solution") -> bool:
         """Return whether both solutions have the same contacts on the same sides."""
@@ -137,20 +137,20 @@ class LocalSolver:
         for turn in range(FINER + 1):
             if not solution.clear or solution.energy > bar:
                 return solution
-            missed = self.problem.conflicts(solution.flown)
+            missed = self.problem.conflicts(solution.trajectories)
             if not missed:
                 return solution
             if turn == FINER:
                 break
             more = self.problem.met(missed)
             self.scene = self.problem.sampled(self.scene, np.union1d(self.scene.times, more.times))
-            start = solution.contacts.joined(self.nearest(solution.flown, more))
+            start = solution.contacts.joined(self.nearest(solution.trajectories, more))
             solution = self.relaxed(self.aimed(inf, 1.0), start, nearer(self.problem), bar)
         return replace(solution, clear=False, energy=inf)
 
-    def nearest(self, flown: Flown, contacts: Contacts) -> Contacts:
+    def nearest(self, trajectories: Trajectories, contacts: Contacts) -> Contacts:
         """Return the contacts with normals on the sides on which the paths pass."""
-        places = self.problem.motions(flown, contacts)[:, 0]
+        places = self.problem.motions(trajectories, contacts)[:, 0]
         sizes = np.linalg.norm(places, axis=1, keepdims=True)
         return contacts._replace(
             normals=np.where(sizes > 0.0, places, AHEAD) / np.where(sizes > 0.0, sizes, 1.0)

@@ -173,7 +173,7 @@ class Search:
         """Yield the exits of a contact's zone from its pair's position without the contact."""
         contacts = solution.contacts
         one, normal = contacts.some([k]), contacts.normals[k]
-        motion = self.problem.motions(solution.flown, one)[0]
+        motion = self.problem.motions(solution.trajectories, one)[0]
         compliance = self.problem.kernel(one)
         motion[0] -= contacts.multipliers[k] * compliance @ normal
         for _, side in self.ways_out(one, motion, compliance):

@@ -113,21 +113,21 @@ def by_messages(
     found = _together(problem, order, plans)
     rounds = len(sent) - 1 - quiet
     reason = f"distributed planning: {messages} new plans published, settled after round {rounds}"
-    said = {"tried": tried, "reason": reason if found.flown is not None else ""}
+    said = {"tried": tried, "reason": reason if found.trajectories is not None else ""}
     return Settled(**vars(found) | said, messages=messages, rounds=rounds)
 
 
 def _together(problem: Problem, order: Sequence[int], plans: Mapping[int, OwnPlan]) -> Outcome:
     """Return the plans of all craft as one outcome, after a check of all pairs."""
-    flown = problem.with_path(*(plans[k].path for k in range(problem.count)))
+    trajectories = problem.with_path(*(plans[k].path for k in range(problem.count)))
     tried = sum(own.tried for own in plans.values())
-    if conflicts := problem.conflicts(flown):  # a craft that coasts cannot give way to those before it
+    if conflicts := problem.conflicts(trajectories):  # a craft that coasts cannot give way to those before it
         (i, j), _ = deepest(conflicts)
         late = max(i, j, key=lambda k: order.index(k) if k < problem.count else -1)
         return _blocked(tried, (late, i + j - late))
     contacts = sorted((one for own in plans.values() for one in own.contacts), key=lambda one: one.time)
     extra, margin = sum(own.extra for own in plans.values()), max(own.margin for own in plans.values())
-    return Outcome(flown, tuple(contacts), extra, margin, False, tried, priced=not contacts)
+    return Outcome(trajectories, tuple(contacts), extra, margin, False, tried, priced=not contacts)
 
 
 def _obstacles(problem: Problem) -> dict[int, Path]:
@@ -152,11 +152,11 @@ def _planned(problem: Problem, craft: int, known: dict[int, Path], budget: int |
     held = end_conflict(alone)  # its ends cannot change
     found = solve(alone, budget) if held is None else None
     tried = 1 if found is None else 1 + found.tried
-    if found is None or found.flown is None:
+    if found is None or found.trajectories is None:
         _, other = deepest(conflicts)[0]
         return replace(own, tried=tried, blocked=(craft, others[other - 1]))
     contacts = tuple(replace(one, first=craft, second=others[one.second - 1]) for one in found.contacts)
-    path = _spanned(alone.path(found.flown)[0], direct)
+    path = _spanned(alone.path(found.trajectories)[0], direct)
     return OwnPlan(path, contacts, found.extra, max(found.margin, MARGINS[0]), tried)
 
 

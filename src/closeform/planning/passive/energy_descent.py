@@ -30,7 +30,7 @@ def settled(rounds: SafeTask, safe: Relaxed) -> Relaxed:
     for _ in range(STEPS):
         if rounds.problem.effort.beyond():
             break
-        there = rounds.flown(extrapolated(now.contacts, before, ahead))
+        there = rounds.trajectories(extrapolated(now.contacts, before, ahead))
         tried, energy, left = kept(rounds, *there, now.contacts, COARSE, now.energy)
         gained = now.energy - energy
         if gained > 0.0:
@@ -46,7 +46,7 @@ def settled(rounds: SafeTask, safe: Relaxed) -> Relaxed:
             ahead = NEARER * ahead if ahead >= AHEAD else 0.0
     if now is safe:
         return safe
-    found = held(rounds, *rounds.flown(now.contacts), now.contacts)
+    found = held(rounds, *rounds.trajectories(now.contacts), now.contacts)
     return found if found.energy < inf else rounds.raised(planes, short)
 
 

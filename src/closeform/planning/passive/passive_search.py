@@ -30,20 +30,20 @@ SIZE = 1.2  # of the zone: amplitudes of the natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
 
 
-def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
+def failures(problem: Problem, planned: Path, trajectories: Path) -> Contacts:
     """Return the deepest conflict after a loss of thrust of each pair and failing craft; empty if safe.
 
-    `planned` (N,) are the craft's paths until they arrive, `flown` (N + M,) all bodies' with the drift.
+    `planned` (N,) are the craft's paths until they arrive, `trajectories` (N + M,) all, with the drift.
     """
-    return failures_with_norms(problem, planned, flown)[0]
+    return failures_with_norms(problem, planned, trajectories)[0]
 
 
-def failures_with_norms(problem: Problem, planned: Path, flown: Path) -> tuple[Contacts, Floats]:
+def failures_with_norms(problem: Problem, planned: Path, trajectories: Path) -> tuple[Contacts, Floats]:
     """Return the contacts of `failures`, and the norms (K,) there."""
     found, norms, end = Contacts.none(), [np.empty(0)], problem.last
     if problem.beside is not None:
-        return failures_beside_chief(problem, planned, flown)
-    sides = side_of(planned, ThrustLost(), end), side_of(flown, None, end)
+        return failures_beside_chief(problem, planned, trajectories)
+    sides = side_of(planned, ThrustLost(), end), side_of(trajectories, None, end)
     for kind, zone in enumerate(problem.zones):
         those = np.flatnonzero(problem.kinds == kind)
         for side in range(2):
@@ -58,7 +58,7 @@ def failures_with_norms(problem: Problem, planned: Path, flown: Path) -> tuple[C
     return found, np.concatenate(norms)
 
 
-def failures_beside_chief(problem: Problem, planned: Path, flown: Path) -> tuple[Contacts, Floats]:
+def failures_beside_chief(problem: Problem, planned: Path, trajectories: Path) -> tuple[Contacts, Floats]:
     """Return `failures_with_norms` about a chief that is not on a circle."""
     which, times, drifts, norms = [], [], [], []
     for k, pair in enumerate(problem.pairs.tolist()):
@@ -67,7 +67,7 @@ def failures_beside_chief(problem: Problem, planned: Path, flown: Path) -> tuple
             if craft >= problem.count:
                 continue
             zone = problem.zones[problem.kinds[k]]
-            given = planned[craft], flown[other], zone.mirrored if side else zone, problem.last
+            given = planned[craft], trajectories[other], zone.mirrored if side else zone, problem.last
             if passively_safe(*given):
                 continue
             worst = drift_approach(*given)
@@ -160,7 +160,7 @@ class PassiveSearch:
             missed = self.missed(solution)
             if not missed.number:
                 return solution
-            own = self.problem.path(solution.flown)
+            own = self.problem.path(solution.trajectories)
             planes, _ = self.rounds.failures(own.arcs, own.offsets, missed.joined(relaxed.contacts))
             again = self.rounds.relaxed(planes, bar, soft=0.0)
             relaxed = again if again.energy < inf else self.rounds.stepped(relaxed.contacts, planes)[0]
@@ -178,7 +178,7 @@ class PassiveSearch:
             missed = self.missed(solution)
             if not missed.number:
                 return solution
-            own = self.problem.path(solution.flown)
+            own = self.problem.path(solution.trajectories)
             relaxed = held(
                 self.rounds, own.arcs, own.offsets, missed.joined(relaxed.contacts), FARTHER * 10.0**turn
             )
@@ -186,6 +186,6 @@ class PassiveSearch:
 
     def missed(self, solution: Solution) -> Contacts:
         """Return conflicts, with thrust or after its loss, that the samples have missed."""
-        bodies = self.problem.bodies(solution.flown)
-        met = self.problem.met(self.problem.conflicts(solution.flown))
+        bodies = self.problem.bodies(solution.trajectories)
+        met = self.problem.met(self.problem.conflicts(solution.trajectories))
         return met.joined(failures(self.problem, self.problem.path(solution.planned), bodies))

@@ -18,8 +18,8 @@ from closeform.motion.arc import END, START
 from closeform.planning.energy.plane_program import TOGETHER, press_in
 from closeform.planning.loop import Round, Rounds, fading, run
 from closeform.planning.passive.failure_minima import find_failures, slide_failures
-from closeform.planning.problem.deflection import fly, room_for
-from closeform.planning.problem.problem import MARGIN, Closest, Flown, Problem
+from closeform.planning.problem.deflection import deflected_arcs, room_for
+from closeform.planning.problem.problem import MARGIN, Closest, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
@@ -189,7 +189,7 @@ class SafeTask:
             held = held._replace(multipliers=keep * held.multipliers)
             if short >= NEARLY:
                 held = held.some(held.multipliers > FORGOTTEN * held.multipliers.max(initial=0.0))
-            direct, direct_offsets = self.flown(held)
+            direct, direct_offsets = self.trajectories(held)
             there = self.scene._replace(direct=direct, direct_offsets=direct_offsets)
             lift = 1.0 if short >= NEARLY else OUTWARD
             give = max(loose * LOOSER**turn, HARD)
@@ -197,7 +197,7 @@ class SafeTask:
                 break
             pressed = pressing(planes)
             held = held.joined(pressed)
-            arcs, offsets = self.flown(held)
+            arcs, offsets = self.trajectories(held)
             planes, short = self.failures(arcs, offsets, pressed)
             if short == 0.0:
                 energy = self.problem.energy((arcs, offsets)) - self.direct_energy
@@ -205,10 +205,10 @@ class SafeTask:
             keep = 0.5 * (1.0 + keep) if short < NEARLY else HELD
         return Relaxed(held, inf), planes
 
-    def flown(self, contacts: Contacts) -> tuple[Floats, Any]:
+    def trajectories(self, contacts: Contacts) -> tuple[Floats, Any]:
         """Return the craft's arcs under the contacts' multipliers."""
         arcs, offsets = room_for(self.scene, contacts)
-        return arcs[: fly(self.scene, contacts, arcs, offsets)], offsets
+        return arcs[: deflected_arcs(self.scene, contacts, arcs, offsets)], offsets
 
     def pressed(
         self,
@@ -265,10 +265,10 @@ class SafeTask:
         slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
         unsure = self.problem.with_errors(contacts)
         if unsure.any():
-            flown, own = self.problem.with_obstacles(arcs, offsets), contacts.some(unsure)
+            trajectories, own = self.problem.with_obstacles(arcs, offsets), contacts.some(unsure)
             slid.times[unsure], slid.drifts[unsure] = own.times, own.drifts
-            slid.normals[unsure] = stayed.normals[unsure] = self.problem.normals(flown, own, -inf)
-            places = self.problem.motions(flown, own)[:, 0]
+            slid.normals[unsure] = stayed.normals[unsure] = self.problem.normals(trajectories, own, -inf)
+            places = self.problem.motions(trajectories, own)[:, 0]
             ratios[unsure] = (slid.normals[unsure] * places).sum(axis=1) / self.margin
         return slid, stayed, ratios
 
@@ -294,7 +294,7 @@ class SafeTask:
         return self.room.first(count), self.norms[:count].copy()
 
 
-def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Flown:
+def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Trajectories:
     """Return the craft's arcs up to the last arrival."""
     early = arcs[:, START] < problem.arrival
     left = arcs[early]

@@ -19,7 +19,7 @@ from closeform.planning.loop import Descent, run
 from closeform.planning.passive.passive_search import failures
 from closeform.planning.passive.relaxation_rounds import BEYOND, SafeTask, arrived, pressing
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
-from closeform.planning.problem.problem import Flown, Problem
+from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
 SPREADS = 0.25, 0.1, 0.03, 0.01, 1e-3  # of the drift between two impulses, over which each is spread
@@ -92,7 +92,7 @@ class ArcTask:
         return self.checked(np.concatenate(each), np.cumsum([0, *map(len, each)]), Contacts.none())
 
 
-def blended_plan(problem: Problem, margin: float) -> Flown | None:
+def blended_plan(problem: Problem, margin: float) -> Trajectories | None:
     """Return the cheapest paths found that are certified safe; None without a safe two-impulse plan."""
     task = ArcTask(problem, margin)
     begin = spread_plan(task)

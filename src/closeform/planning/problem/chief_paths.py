@@ -122,7 +122,7 @@ class ChiefPaths:
         out[:, PLACES:] = self._coefficients(segments, segments[:, None, COLUMN:])[:, 0]
         return out, firsts
 
-    def fly(self, scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
+    def propagate(self, scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
         """Return all craft's arcs (M, 30) under contacts, with the coasts before and after, and offsets."""
         direct, firsts = self.direct
         states, costates = self.units_of_columns

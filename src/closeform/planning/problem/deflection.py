@@ -284,7 +284,7 @@ def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
 
 
 @kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
-def fly(scene, contacts, arcs, offsets):
+def deflected_arcs(scene, contacts, arcs, offsets):
     """Fill the paths of `deflect` for Python; return the number of arcs."""
     factors = np.empty((len(contacts.times), 2, 4, 3, 6))
     fill_factors(scene, contacts, len(contacts.times), factors)

@@ -20,7 +20,7 @@ from closeform.planning.plan import Contact
 from closeform.planning.problem.approaches import sample_bodies
 from closeform.planning.problem.chief_paths import ChiefPaths
 from closeform.planning.problem.contacts import turn_normals
-from closeform.planning.problem.deflection import fly, invert_responses, look_at, room_for
+from closeform.planning.problem.deflection import deflected_arcs, invert_responses, look_at, room_for
 from closeform.planning.problem.natural_motion import windows_of
 from closeform.planning.problem.pieces import BASE, PATHS, PLACES
 from closeform.planning.problem.scene import Contacts, Scene
@@ -32,7 +32,7 @@ SAMPLES = 64  # of a craft's time; a minimum that they miss is found by the cert
 A_TURN, A_DRIFT = 16, 32  # samples per revolution, where that is more; second: with `drift`
 EFFORT = 90e6  # sampled positions of failed craft in a search: 5 to 10 s for each planned craft
 
-Flown = tuple[Floats, Any]  # arcs of all bodies, and the offset of each body's first arc
+Trajectories = tuple[Floats, Any]  # arcs of all bodies, and the offset of each body's first arc
 PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end, time, ratio
 
 
@@ -76,12 +76,12 @@ class Closest:
     """Paths with the largest minimum `norm` of all that a search has checked."""
 
     norm: float = 0.0
-    flown: Flown | None = None
+    trajectories: Trajectories | None = None
 
-    def note(self, norm: float, flown: Flown) -> None:
+    def note(self, norm: float, trajectories: Trajectories) -> None:
         """Record paths if none before has as large a minimum norm."""
         if self.norm < norm:
-            self.norm, self.flown = norm, flown
+            self.norm, self.trajectories = norm, trajectories
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,36 +182,36 @@ class Problem:
             return None
         return ChiefPaths(self.orbit, self.base, self.first, self.last)
 
-    def rows(self, flown: Flown) -> Flown:
+    def rows(self, trajectories: Trajectories) -> Trajectories:
         """Return paths as the rows that kernels read: arcs, or pieces beside any chief."""
-        return flown if self.beside is None else self.beside.pieces(*flown)
+        return trajectories if self.beside is None else self.beside.pieces(*trajectories)
 
-    def _own_rows(self, flown: Flown) -> Flown:
+    def _own_rows(self, trajectories: Trajectories) -> Trajectories:
         """Return `rows` of the craft alone, those of the unconstrained paths without work."""
-        arcs, offsets = flown[0], flown[1][: self.count + 1]
+        arcs, offsets = trajectories[0], trajectories[1][: self.count + 1]
         if self.beside is None:
             return arcs, offsets
-        if flown is self.direct:
+        if trajectories is self.direct:
             return self.seen.direct, self.seen.direct_offsets
         return self.beside.pieces(arcs[: offsets[-1]], offsets)
 
     @cached_property
-    def direct(self) -> Flown:
+    def direct(self) -> Trajectories:
         """The unconstrained optima, with the coasts before and after them, and the obstacles."""
         if self.beside is not None:
             return self.with_obstacles(*self.beside.direct)
-        return self.fly(self.bare, Contacts.none())
+        return self.propagate(self.bare, Contacts.none())
 
     @property
     def obstacles(self) -> Path:
         """The obstacles' paths, of shape (M,)."""
         return self.bodies((self.others, self.other_offsets))
 
-    def bodies(self, flown: Flown) -> Path:
+    def bodies(self, trajectories: Trajectories) -> Path:
         """Return the paths of all bodies, of shape (N + M,)."""
-        return path_of(self.orbit, *flown, (len(flown[1]) - 1,))
+        return path_of(self.orbit, *trajectories, (len(trajectories[1]) - 1,))
 
-    def with_obstacles(self, arcs: Floats, offsets: Any) -> Flown:
+    def with_obstacles(self, arcs: Floats, offsets: Any) -> Trajectories:
         """Return the craft's arcs followed by the obstacles'."""
         return np.concatenate([arcs, self.others]), np.concatenate(
             [offsets, offsets[-1] + self.other_offsets[1:]]
@@ -284,27 +284,27 @@ class Problem:
         ]
         return np.unique(np.concatenate(grids)) if len(grids) > 1 else grids[0]
 
-    def flown(self, contacts: Contacts) -> Flown:
+    def trajectories(self, contacts: Contacts) -> Trajectories:
         """Return the paths of all bodies under the contacts' multipliers."""
-        return self.fly(self.bare, contacts) if contacts.number else self.direct
+        return self.propagate(self.bare, contacts) if contacts.number else self.direct
 
-    def fly(self, scene: Scene, contacts: Contacts) -> Flown:
+    def propagate(self, scene: Scene, contacts: Contacts) -> Trajectories:
         """Return the paths of all bodies in a scene."""
         if self.beside is not None:
-            return self.with_obstacles(*self.beside.fly(scene, contacts))
+            return self.with_obstacles(*self.beside.propagate(scene, contacts))
         arcs, offsets = room_for(scene, contacts)
-        number = fly(scene, contacts, arcs, offsets)
+        number = deflected_arcs(scene, contacts, arcs, offsets)
         return self.with_obstacles(arcs[:number], offsets)
 
-    def planned(self, contacts: Contacts) -> Flown:
+    def planned(self, contacts: Contacts) -> Trajectories:
         """Return the paths under the contacts' multipliers, only up to the last arrival."""
         if self.drift is None:
-            return self.flown(contacts)
-        return self.fly(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
+            return self.trajectories(contacts)
+        return self.propagate(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
 
-    def motions(self, flown: Flown, contacts: Contacts) -> Floats:
+    def motions(self, trajectories: Trajectories, contacts: Contacts) -> Floats:
         """Return relative position, velocity and acceleration (K, 3, 3) at contacts, in zone coordinates."""
-        return self._look(flown, contacts, np.empty((0, 0)))
+        return self._look(trajectories, contacts, np.empty((0, 0)))
 
     def kernel(self, contacts: Contacts) -> Floats:
         """Return the response (3K, 3K) of positions to unit forces at contacts, in zone coordinates.
@@ -318,15 +318,15 @@ class Problem:
         gram = np.empty((3 * contacts.number, 3 * contacts.number))
         return self._look(self.direct, contacts, gram), gram
 
-    def _look(self, flown: Flown, contacts: Contacts, gram: Floats) -> Floats:
+    def _look(self, trajectories: Trajectories, contacts: Contacts, gram: Floats) -> Floats:
         motions = np.zeros((contacts.number, 3, 3))
-        look_at(self.bare, *self._own_rows(flown), contacts, motions, gram)
+        look_at(self.bare, *self._own_rows(trajectories), contacts, motions, gram)
         return motions
 
-    def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
+    def normals(self, trajectories: Trajectories, contacts: Contacts, least: float) -> Floats:
         """Return the normals (K, 3) at the pairs' positions; unchanged where the norm is at most `least`."""
         normals = contacts.normals.copy()
-        turn_normals(self.bare, *self._own_rows(flown), contacts, least, normals)
+        turn_normals(self.bare, *self._own_rows(trajectories), contacts, least, normals)
         return normals
 
     @property
@@ -342,7 +342,7 @@ class Problem:
         """Return the clearance ratio at an end as text."""
         return f"{ratio:.2f} x zone"
 
-    def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
+    def deviations(self, trajectories: Trajectories, contacts: Contacts, directions: Floats) -> Floats:
         """Return standard deviations (K,) [m] of pairs at contacts, along unit directions (K, 3)."""
         return np.zeros(len(directions))
 
@@ -350,18 +350,18 @@ class Problem:
         """Return ellipsoids (K, 3, 3) inside the keep-out regions at contacts; None where zones are used."""
         return None
 
-    def with_path(self, *paths: Path) -> Flown:
+    def with_path(self, *paths: Path) -> Trajectories:
         """Return other paths of the craft, one for each, followed by the obstacles."""
         both = stack(paths)
         return self.with_obstacles(both.arcs, both.offsets)
 
-    def energy(self, flown: Flown) -> float:
+    def energy(self, trajectories: Trajectories) -> float:
         """Return the control energy [m^2/s^3] of all craft together."""
-        return float(self.path(flown)._total(ENERGY).sum())
+        return float(self.path(trajectories)._total(ENERGY).sum())
 
-    def path(self, flown: Flown) -> Path:
+    def path(self, trajectories: Trajectories) -> Path:
         """Return the craft's paths, of shape (N,)."""
-        arcs, offsets = flown
+        arcs, offsets = trajectories
         own = offsets[: self.count + 1]
         return path_of(self.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (self.count,))
 
@@ -389,15 +389,15 @@ class Problem:
                 drifts[k, int(one.first > one.second)] = one.time - one.failed_at
         return Contacts.at(which, np.array([one.time for one in contacts], dtype=float), drifts)
 
-    def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
+    def ratios(self, trajectories: Trajectories, which: Any, times: Floats) -> Floats:
         """Return the clearance ratios (K,) of pairs, each at one time."""
-        places = self.motions(flown, Contacts.at(which, times))[:, 0]
+        places = self.motions(trajectories, Contacts.at(which, times))[:, 0]
         each = [scaled_norm(self.zones[kind], q) for kind, q in zip(self.kinds[which], places, strict=True)]
         return np.array(each)
 
-    def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
+    def ratio(self, trajectories: Trajectories, pair: tuple[int, int], time: float) -> float:
         """Return the clearance ratio of a pair at one time."""
-        return float(self.ratios(flown, np.array([self.index[pair]]), np.array([time]))[0])
+        return float(self.ratios(trajectories, np.array([self.index[pair]]), np.array([time]))[0])
 
     @cached_property
     def pairs_by_kind(self) -> list[Any]:
@@ -414,12 +414,12 @@ class Problem:
     def _of_direct(self) -> dict[float, list[PairRow]]:
         return {}
 
-    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
+    def conflicts(self, trajectories: Trajectories, factor: float = 1.0) -> list[PairRow]:
         """Return every conflict with zones enlarged by `factor`: pair and (start, end, time, ratio).
 
         The result is certified, see `find_conflicts`.
         """
-        found, bodies = [], self.bodies(flown)
+        found, bodies = [], self.bodies(trajectories)
         for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
             one = zone if factor == 1.0 else Zone(zone.shape, zone.matrix / factor, zone.faces)
             tracks = tracks_of_all(bodies, (one,), pairs.shape[1])[one]

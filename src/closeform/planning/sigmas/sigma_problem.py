@@ -22,7 +22,7 @@ from closeform.arrays import Floats, size
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.planning.bounds.zone_pieces import inner_curvature
-from closeform.planning.problem.problem import Flown, PairRow, Problem
+from closeform.planning.problem.problem import PairRow, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.uncertainty.covariance_propagation import covariances, propagate_errors
 from closeform.uncertainty.error_columns import columns_of
@@ -101,13 +101,13 @@ class SigmaProblem(Problem):
         least = float(found.min())
         return f"{ratio:.2f} x zone and {self.sigmas:g} sigmas (ends allow {least:.3g})"
 
-    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
+    def conflicts(self, trajectories: Trajectories, factor: float = 1.0) -> list[PairRow]:
         """Return conflicts with zones and sigmas enlarged by `factor`; the ratio is the gauge.
 
         After the last arrival, they are conflicts with the zones alone.
         """
         zones = [Zone(zone.shape, zone.matrix / factor, zone.faces) for zone in self.zones]
-        bodies = self.bodies(flown if self.drift is None else until(flown, self.arrival))
+        bodies = self.bodies(trajectories if self.drift is None else until(trajectories, self.arrival))
         search = Uncertainty._search_of(bodies, self.kept.errors, zones, factor * self.sigmas)
         found = []
         for zone, pairs in zip(zones, self.pairs_by_kind, strict=True):
@@ -115,7 +115,7 @@ class SigmaProblem(Problem):
                 found.append(((int(i), int(j)), row))
         if self.drift is None:
             return found
-        return found + [one for one in super().conflicts(flown, factor) if one[1][2] > self.arrival]
+        return found + [one for one in super().conflicts(trajectories, factor) if one[1][2] > self.arrival]
 
     def with_errors(self, contacts: Contacts) -> Any:
         """Return the mask (K,) of contacts at which the sigmas count: before a loss of thrust and arrival."""
@@ -127,9 +127,9 @@ class SigmaProblem(Problem):
             return propagate_errors(paths, errors)
         return [one and columns_of(paths[k], one) for k, one in enumerate(errors)]
 
-    def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
+    def covariances(self, trajectories: Trajectories, contacts: Contacts) -> Floats:
         """Return relative covariances (K, 3, 3) [m^2] of positions at contacts."""
-        spread = self.spread(self.bodies(flown), self.kept.errors) if self.moves else self.fixed
+        spread = self.spread(self.bodies(trajectories), self.kept.errors) if self.moves else self.fixed
         return self.relative(spread, contacts)
 
     def relative(self, spread: Any, contacts: Contacts) -> Floats:
@@ -163,10 +163,10 @@ class SigmaProblem(Problem):
         """The part of the errors that is the same for all plans, as `spread`."""
         return self.spread(self.bodies(self.direct), self.kept.fixed(self.count))
 
-    def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
+    def gauges(self, trajectories: Trajectories, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
         """Return the gauges (K,) of pairs at contacts, and gradients; negative `sigmas`: the clear sigmas."""
-        places = self.motions(flown, contacts)[:, 0]
-        spread = self.covariances(flown, contacts)
+        places = self.motions(trajectories, contacts)[:, 0]
+        spread = self.covariances(trajectories, contacts)
         sizes, planes = np.empty(contacts.number), np.empty((contacts.number, 4))
         kinds = self.kinds[contacts.which]
         for kind in np.unique(kinds):
@@ -179,32 +179,32 @@ class SigmaProblem(Problem):
             sizes[those], planes[those] = size, plane
         return sizes, planes[:, :3]
 
-    def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
+    def ratios(self, trajectories: Trajectories, which: Any, times: Floats) -> Floats:
         """Return the gauges (K,) of pairs, each at one time."""
-        return self.gauges(flown, Contacts.at(which, times), self.sigmas)[0]
+        return self.gauges(trajectories, Contacts.at(which, times), self.sigmas)[0]
 
-    def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
+    def normals(self, trajectories: Trajectories, contacts: Contacts, least: float) -> Floats:
         """Return the normals of contacts at their pairs, divided by the extents of zone and sigmas."""
         counts, normals = self.with_errors(contacts), contacts.normals.copy()
-        sizes, planes = self.gauges(flown, contacts.some(counts), self.sigmas)
+        sizes, planes = self.gauges(trajectories, contacts.some(counts), self.sigmas)
         turned = (sizes > least) & planes.any(axis=1)
         normals[np.flatnonzero(counts)[turned]] = planes[turned]
         if not counts.all():
-            normals[~counts] = super().normals(flown, contacts.some(~counts), least)
+            normals[~counts] = super().normals(trajectories, contacts.some(~counts), least)
         return normals
 
-    def sides(self, flown: Flown, contacts: Contacts, directions: Floats) -> Contacts:
+    def sides(self, trajectories: Trajectories, contacts: Contacts, directions: Floats) -> Contacts:
         """Return contacts with planes perpendicular to directions (K, 3) in the rotating frame."""
-        reach = self.deviations(flown, contacts, directions) * self.sigmas
+        reach = self.deviations(trajectories, contacts, directions) * self.sigmas
         normals = np.empty((contacts.number, 3))
         for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
             zone = self.zones[kind]
             normals[k] = np.linalg.solve(zone.matrix.T, way) / (zone.support(way) + reach[k])
         return contacts._replace(normals=normals)
 
-    def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
+    def deviations(self, trajectories: Trajectories, contacts: Contacts, directions: Floats) -> Floats:
         """Return standard deviations (K,) [m] of pairs along unit directions (K, 3)."""
-        spread = self.covariances(flown, contacts)
+        spread = self.covariances(trajectories, contacts)
         return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", directions, spread, directions)))
 
     def insides(self, contacts: Contacts, directions: Floats) -> Floats:
@@ -236,9 +236,9 @@ class SigmaProblem(Problem):
         return Problem(**{**fields_of(self), **other})
 
 
-def until(flown: Flown, end: float) -> Flown:
+def until(trajectories: Trajectories, end: float) -> Trajectories:
     """Return the paths of bodies up to a time; one that begins later keeps its first arc."""
-    arcs, offsets = flown
+    arcs, offsets = trajectories
     kept = arcs[:, START] < end
     cut = arcs[kept | np.isin(np.arange(len(arcs)), offsets[:-1])]
     cut[:, END] = np.where(cut[:, START] < end, np.minimum(cut[:, END], end), cut[:, END])

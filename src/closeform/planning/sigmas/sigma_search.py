@@ -17,7 +17,7 @@ from closeform.planning.energy.local_solver import AHEAD, Solution
 from closeform.planning.energy.plane_program import press_in
 from closeform.planning.energy.side_search import FEW, Found, Search
 from closeform.planning.loop import Rounds, run
-from closeform.planning.problem.problem import Flown, PairRow, Problem
+from closeform.planning.problem.problem import PairRow, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.sigmas.sigma_problem import SigmaProblem
 
@@ -40,7 +40,7 @@ class Pressed(NamedTuple):
     clear: bool
     worst: float
     pressing: Contacts
-    flown: Flown
+    trajectories: Trajectories
     near: list[PairRow]
 
 
@@ -127,27 +127,27 @@ class SigmaSearch:
 
     def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Pressed | None:
         """Return the paths of minimum energy that satisfy planes; None above `bar` or without any."""
-        energy, flown = self.pressed(planes, aim)
+        energy, trajectories = self.pressed(planes, aim)
         if energy > bar or energy == inf:
             return None
-        near = self.problem.conflicts(flown, NEAR)
+        near = self.problem.conflicts(trajectories, NEAR)
         worst = min(1.0, *(NEAR * row[3] for _, row in near), inf)
-        clear = worst > 1.0 - SHORT and not self.problem.conflicts(flown)
+        clear = worst > 1.0 - SHORT and not self.problem.conflicts(trajectories)
         kept = planes.some(planes.multipliers > 0.0)
-        return Pressed(energy, clear, 1.0 if clear else min(worst, 1.0 - ROUNDING), kept, flown, near)
+        return Pressed(energy, clear, 1.0 if clear else min(worst, 1.0 - ROUNDING), kept, trajectories, near)
 
     def relinearise(self, found: Pressed) -> Contacts:
         """Return the planes of the next round."""
-        return self.following(found.flown, found.pressing, found.near)
+        return self.following(found.trajectories, found.pressing, found.near)
 
-    def pressed(self, planes: Contacts, lift: float) -> tuple[float, Flown]:
+    def pressed(self, planes: Contacts, lift: float) -> tuple[float, Trajectories]:
         """Fill the planes' multipliers; return their energy and all paths."""
         energy, arcs, offsets = press_in(self.scene, planes, lift, HARD, inf)
         if energy == inf or self.problem.beside is not None:
-            return energy, self.problem.direct if energy == inf else self.problem.flown(planes)
+            return energy, self.problem.direct if energy == inf else self.problem.trajectories(planes)
         return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
 
-    def following(self, flown: Flown, pressing: Contacts, near: list[PairRow]) -> Contacts:
+    def following(self, trajectories: Trajectories, pressing: Contacts, near: list[PairRow]) -> Contacts:
         """Return active planes moved to the closest approaches near them, and planes of other conflicts."""
         times = pressing.times.copy()
         fresh: list[PairRow] = []
@@ -162,15 +162,15 @@ class SigmaSearch:
                 fresh.append((pair, np.array([row[0], row[1], time, row[3]])))
         planes = pressing._replace(times=times).joined(self.problem.met(fresh))
         _, once = np.unique(np.column_stack([planes.which, planes.times]), axis=0, return_index=True)
-        return self.turned(flown, planes.some(np.sort(once)))
+        return self.turned(trajectories, planes.some(np.sort(once)))
 
-    def turned(self, flown: Flown, planes: Contacts) -> Contacts:
+    def turned(self, trajectories: Trajectories, planes: Contacts) -> Contacts:
         """Return planes at their pairs' positions; ahead where two craft meet."""
-        normals = self.problem.normals(flown, planes, -inf)
+        normals = self.problem.normals(trajectories, planes, -inf)
         lost = ~normals.any(axis=1)
         if lost.any():
             ways = np.repeat(AHEAD[None], int(lost.sum()), axis=0)
-            normals[lost] = self.problem.sides(flown, planes.some(lost), ways).normals
+            normals[lost] = self.problem.sides(trajectories, planes.some(lost), ways).normals
         return planes._replace(normals=normals)
 
 

@@ -113,7 +113,7 @@ class Choices:
         """Rows of CHOICE, highest cost first; the plan comes last."""
         found = [self.row(name, spent) for name, spent in self.tried.items()]
         found = sorted(found, key=lambda row: -float(f"{row[1] or np.inf:.6g}"))  # as printed
-        if self.result.flown:
+        if self.result.executed:
             planned = [effort.asked(self.mission, self.result, name, self.plan(name)) for name in self.movers]
             found.append(self.row("this plan", planned))
             if self.result.pulsed is not None:
@@ -185,13 +185,13 @@ class Choices:
         if not self.compared:
             return
         required = getattr(self.result.result, "required", None)  # which the primer does not show
-        if self.result.stage.cost == "delta-v" and self.result.flown and not required:
+        if self.result.stage.cost == "delta-v" and self.result.executed and not required:
             most = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
             shows = f"{most}, which spends most" if len(self.movers) > 1 else ""
             caption = f"Primer vector of {most}: impulses are optimal where its length is one"
             yield Picture("primer", caption, "primer", *self.primer(most), shows=shows)
-        plans, fired, asked = None, None, None if self.result.flown else self.ends[2]
-        if self.result.flown:
+        plans, fired, asked = None, None, None if self.result.executed else self.ends[2]
+        if self.result.executed:
             plans = [self.plan(name) for name in self.movers]
             if self.result.pulsed is not None:
                 fired = float(self.result.delta_v[self.places].sum())

@@ -53,7 +53,7 @@ def asked(mission: Mission, result: StageResult[Any, Any], name: str, path: Path
     """Return the delta-v [m/s] of a planned path, summed over the thrusters that it is planned for."""
     table = next(craft for craft in mission.scenario.craft_in(result.stage) if craft.name == name)
     thrusters = table.fired(1.0) if getattr(result.stage, "cost", None) == "delta-v" else None
-    if thrusters is None or not result.flown:
+    if thrusters is None or not result.executed:
         return float(path.delta_v)
     from closeform.fuel.chunks import cells_of  # only thrusters need these kernels
 
@@ -204,7 +204,7 @@ class StageBurns:
         if pulsed is not None:
             drops = set() if len(pulsed.firing.dropped) else {"dropped_m_s"}
             yield Table("Pulses of thrusters", shown(self.mission, PULSED, drops), self.shots)
-        if self.result.flown and self.rows:
+        if self.result.executed and self.rows:
             plain = {"thruster"} if pulsed is None else set()
             title = "Burns" if pulsed is None else f"Burns, {counted(len(self.rows), 'pulse')}"
             columns = shown(self.mission, BURN, plain)
@@ -232,7 +232,7 @@ class StageBurns:
     @property
     def files(self) -> dict[str, Table]:
         """All burns of an executed stage, for Parquet."""
-        return {"burns": Table("", BURN, self.rows if self.result.flown else [])}
+        return {"burns": Table("", BURN, self.rows if self.result.executed else [])}
 
 
 def pulse_lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
@@ -260,7 +260,7 @@ def pulse_lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str
 
 def burn_pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
     """Return pictures of the burns of all spacecraft, and of the pulses of the one that fires most."""
-    if not result.flown:
+    if not result.executed:
         return ()
     burning = [k for k, spent in enumerate(result.delta_v.tolist()) if spent > 0.0]
     if not burning:
@@ -279,7 +279,7 @@ def burn_pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
 
 def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple[Use, ...]]:
     """Return the largest use of each kind of limit in this stage and, if it is executed, up to its end."""
-    if not result.flown:
+    if not result.executed:
         return {"Required by the direct paths": first_of_each(mission.thrusts(result))}
     return {
         "Peak": first_of_each(mission.thrusts(result)),
@@ -342,7 +342,7 @@ def used(mission: Mission) -> Table:
     columns = [
         Column("craft", "craft", words=True),
         Column(f"{how}delta-v [m/s]", "delta_v_m_s", "{:.6f}".format),
-        Column(f"{most} [m/s]", "flown_delta_v_m_s", "{:.6f}".format),
+        Column(f"{most} [m/s]", "simulated_delta_v_m_s", "{:.6f}".format),
         Column("of its budget [%]", "share_of_delta_v_budget", "{:.1f}".format, 100.0),
         in_grams(mission, replace(FUEL, heading=f"{how}propellant [kg]")),
         in_grams(mission, replace(FUEL, heading=left, key="propellant_left_kg")),
@@ -365,7 +365,7 @@ def with_total(mission: Mission, used: Table) -> Table:
     totals = {
         "craft": TOTAL,
         "delta_v_m_s": sum(columns["delta_v_m_s"]),
-        "flown_delta_v_m_s": flights and float(flights.flight.delta_v.sum(axis=1).max()),
+        "simulated_delta_v_m_s": flights and float(flights.flight.delta_v.sum(axis=1).max()),
         "propellant_kg": None if None in fuel else sum(fuel),
     }
     return replace(used, rows=[*used.rows, tuple(totals.get(column.key or "") for column in used.columns)])
@@ -390,8 +390,8 @@ SECONDS = Column("under thrust [s]", "under_thrust_s", "{:.1f}".format)
 
 def budget(mission: Mission, thrusting: Floats) -> Section:
     """Return the budget; `thrusting` is the thrust time of each spacecraft in each stage (S, N) [s]."""
-    flown, names = np.array([result.flown for result in mission.results]), mission.scenario.names
-    spent, burnt = np.where(flown[:, None], [mission.delta_v, mission.propellant], 0.0)
+    executed, names = np.array([result.executed for result in mission.results]), mission.scenario.names
+    spent, burnt = np.where(executed[:, None], [mission.delta_v, mission.propellant], 0.0)
     end = max((result.end for result in mission.results), default=0.0)
     if not spent.any():
         return Section("Budget", (f"No thrust used in {end:.1f} s",))
@@ -463,5 +463,5 @@ def budget_figures(mission: Mission, thrusting: Floats) -> list[dict[str, Any]]:
         {"stage": result.number, "duration_s": result.end - result.start}
         | {key: dict(zip(names, values[k].tolist(), strict=True)) for key, values in of_craft.items()}
         for k, result in enumerate(mission.results)
-        if result.flown
+        if result.executed
     ]

@@ -76,7 +76,7 @@ class Reach:
 
 def section(mission: Mission) -> Section:
     """Return the section on the limits of a mission's figures."""
-    executed = [result for result in mission.results if result.flown]
+    executed = [result for result in mission.results if result.executed]
     sure = certain([*certainties(executed)])
     if not executed:
         return Section("Limits of the model", tables=(sure,))
@@ -228,8 +228,8 @@ def of_errors(known: bool) -> Iterator[tuple[str, str]]:
 def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
     """Return the predicted deviations of a stage in its high-fidelity model, or a note on their absence."""
     if result.validity is None:
-        unflown = mission.scenario.field is not None and not result.flown
-        return ("Model error: not predicted, since these paths are not executed",) * unflown
+        missing = mission.scenario.field is not None and not result.executed
+        return ("Model error: not predicted, since these paths are not executed",) * missing
     from closeform.dynamics.model_error import in_words  # most runs do not need these kernels
 
     return in_words(result.validity, result.after.names)
@@ -260,7 +260,7 @@ def error_figures(result: StageResult[Any, Any]) -> dict[str, Any]:
             "field": found.field,
             "ends_m": dict(zip(names, found.ends.tolist(), strict=True)),
             "residual_m_s2": dict(zip(names, found.residual.tolist(), strict=True)),
-            "least_ratio": float(found.flown.min(initial=np.inf)),
+            "least_ratio": float(found.simulated.min(initial=np.inf)),
             "planned_ratio": float(found.planned.min(initial=np.inf)),
         }
     }

@@ -102,13 +102,13 @@ def completed(
 
 def transfer(mission: Mission, result: Moved) -> Section:
     """Return the section of the transfer of a single spacecraft, with the cost of each actuator option."""
-    name, goal, flown = result.result.craft, result.result.goal, result.flown
+    name, goal, executed = result.result.craft, result.result.goal, result.executed
     choices = Choices(mission, result, [name], zones=False)
     lines, met = conflicts.summed("Conflicts", result.after) if result.after.approaches else ((), ())
     path, pulsed = result.planned.path(name), result.pulsed is not None
-    title = "Path of the plan" if flown else "Path without a limit"
+    title = "Path of the plan" if executed else "Path without a limit"
     optimality = []
-    if not flown:
+    if not executed:
         optimality.append("No transfer within the limit: this is the path without a limit, not executed")
     elif choices.least is not None and choices.lower > 0.0:
         spent, lower = effort.asked(mission, result, name, path), choices.lower
@@ -127,9 +127,9 @@ def transfer(mission: Mission, result: Moved) -> Section:
         "cost": result.stage.cost,
         "asked_s": result.result.asked,
         "arrival": arrival_figures(goal),
-        "planned": effort.figures(mission, result, name, path if flown else None),
+        "planned": effort.figures(mission, result, name, path if executed else None),
     }
-    costs = cost_table(mission, result, title, {"plan" if flown else "free": (name, path)})
+    costs = cost_table(mission, result, title, {"plan" if executed else "free": (name, path)})
     closing = (*arrival_lines(name, goal, result.stage.drift is not None), *optimality)
     own = Section(f"{name} moves", lines, (*met, costs), closing, tuple(pictures), {"transfer": figures})
     return completed(own, choices)
@@ -155,7 +155,7 @@ def avoid(mission: Mission, result: Avoiding) -> Section:
         "Change made"
         if changed or len(direct) > 1
         else "Path"
-        if result.flown
+        if result.executed
         else "Direct path, not executed"
     )
     tables = [cost_table(mission, result, title, direct | changed, lasts=len(direct) > 1)]
@@ -215,7 +215,7 @@ def avoidance_lines(mission: Mission, result: Avoiding) -> Iterator[str]:
     over = f" over {moved.plain.end - moved.plain.start:.1f} s" if longer else ""
     if not plan.ok:
         yield f"{method}: {plan.status}"  # the verdict has the reason
-    elif not result.flown:
+    elif not result.executed:
         yield f"{method}: thrusters cannot execute the plan"
     elif plan.status is Status.CLEAR:
         yield f"{method}: the direct path{over} is clear"
@@ -288,7 +288,7 @@ def reconfigure(mission: Mission, result: Joint, reached: str | None = None) -> 
                 "start_s": float(plan.starts[k]),
                 "end_s": float(plan.starts[k] + plan.durations[k]),
                 "direct": cost(name, result.before.path(name)),
-                "flown": cost(name, plan.paths[k] if plan.paths is not None else None),
+                "planned": cost(name, plan.paths[k] if plan.paths is not None else None),
             }
             for k, (name, slot) in enumerate(slots.items())
         },

@@ -174,9 +174,9 @@ def forces(fleet, planes, effects, k, i, j, psi, out):
             out[axis] = planes.rows[k, 3 + axis] if only == t else 0.0
         return
     brief = BRIEF * (fleet.base[i, END] - fleet.base[i, START])
-    flown = cut_of(planes, k, i) - t
-    active = max(min(flown, width), 0.0)
-    share = active / width if width > 0.0 else min(max(0.5 * flown / brief + 0.5, 0.0), 1.0)
+    trajectories = cut_of(planes, k, i) - t
+    active = max(min(trajectories, width), 0.0)
+    share = active / width if width > 0.0 else min(max(0.5 * trajectories / brief + 0.5, 0.0), 1.0)
     out[0], out[1], out[2] = 0.0, 0.0, 0.0
     if not (planes.times[k] > t and share > 0.0):
         return

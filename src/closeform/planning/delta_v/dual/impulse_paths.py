@@ -122,7 +122,7 @@ def burn_after(fleet, v, arc, state):
 
 
 @kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
-def fly_impulses(fleet, impulses, arcs, offsets):
+def fill_trajectories(fleet, impulses, arcs, offsets):
     """Fill the craft's paths with repaired ends over the whole time span; return the number of arcs."""
     row, state = 0, stack_vector(6)
     for i in range(len(fleet.base)):

@@ -1,8 +1,8 @@
 """Simulate many random plans in the high-fidelity model under feedback, and count conflicts.
 
-    python tools/fly_plans.py --plans 1000 --results flights.csv
-    python tools/fly_plans.py --plans 150 --results held-out.csv --held-out
-    python tools/fly_plans.py --plans 400 --open-loop
+    python tools/simulate_plans.py --plans 1000 --results flights.csv
+    python tools/simulate_plans.py --plans 150 --results held-out.csv --held-out
+    python tools/simulate_plans.py --plans 400 --open-loop
 
 Each plan has the margin of `fit_margin` at four sigmas, and is simulated once with compensated thrust. The
 model has J2 and differential drag; the compensation knows only J2. Thrust is exact, or has constant errors of
@@ -133,7 +133,7 @@ def predicted(seed: int) -> list[float]:
     said = [[np.interp(real.times, found.times, one[:, k]) for k in range(3)] for one in found.deviations]
     wrong = np.linalg.norm(np.moveaxis(np.array(said), 1, 2) - off, axis=-1).max(axis=1)
     size = np.linalg.norm(off, axis=-1).max(axis=1)
-    least = radius * np.abs(found.flown - real.ratios[0])
+    least = radius * np.abs(found.simulated - real.ratios[0])
     kept = cf.simulate(path, field, "open").ends.max()
     return [field.chief.eccentricity, size.max(), (wrong / size).max(), least.max(), float(kept)]
 

@@ -1,6 +1,6 @@
 """Check passively safe plans of the ring transfers by simulation with failures of thrust.
 
-    python tools/fly_safe_plans.py [--failures 1000] [--group thirty|hundred|both]
+    python tools/simulate_safe_plans.py [--failures 1000] [--group thirty|hundred|both]
 
 Each transfer is planned at minimum energy and at minimum delta-v, then simulated by independent integrators:
 fourth-order Runge-Kutta under thrust that is lost at a random instant, and matrix exponentials between
