@@ -295,7 +295,7 @@ def test_command_writes_rows_and_pages(missions, tmp_path: Path, capsys):
     assert summary["flights"]["entered"]["low"] < share < summary["flights"]["entered"]["high"]
     nearest = missions.flights.nearest[1]
     assert (tmp_path / "out" / f"case-{nearest}.html").stat().st_size > 10_000
-    for name in ("delta-v", "flown-delta-v", "flown-ends", "flown-ratios"):
+    for name in ("delta-v", "simulated-delta-v", "simulated-ends", "simulated-ratios"):
         assert (tmp_path / "out" / f"{name}.png").is_file()
     command = ["run", str(tmp_path / "many.toml"), "--case", str(nearest), "--out", str(tmp_path / "case")]
     assert main([*command, "--no-viewer"]) == 1
