@@ -228,7 +228,7 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     check_plan(mission, flown, np.roll(coasted(begin(flown), flown.end), 6, axis=0))
     plan = flown.result.plan
     assert plan.gap <= 0.03
-    run = run_text(text, tmp_path, monkeypatch, capsys)
+    run = run_text(text, tmp_path, monkeypatch, capsys, pictures=True)
     assert run.status == 0
     assert "Conflicts of the direct paths: 52 of 66 pairs; " in run.printed
     check_cost_table(run, 1, "swap")

@@ -73,8 +73,9 @@ def two_apart(stage: str) -> str:
     return text.replace('do = "gather"\nrounds = 2', stage)
 
 
-def run_text(text: str, tmp_path: Path, monkeypatch, capsys) -> Run:
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
+def run_text(text: str, tmp_path: Path, monkeypatch, capsys, *, pictures: bool = False) -> Run:
+    if not pictures:
+        monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     (tmp_path / "case.toml").write_text(text)
     status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
     return Run(status, capsys.readouterr().out, tmp_path / "results")
