@@ -43,7 +43,7 @@ def section(heading: str, table: type[Table], keys: Iterable[Row]) -> Iterator[s
     """Yield the heading of a table, the first line of its docstring and its keys."""
     keys, shared = list(keys), list(Formation.reference())
     summary = re.sub(r"^Table (\[\w+\]|`\w+`)( of \S+)?: (\S)", lambda m: m[3].upper(), table.__doc__ or "")
-    yield from (f"## {heading}", "", summary.partition("\n")[0], "")
+    yield from (f"## {heading}", summary.partition("\n")[0], "")
     if issubclass(table, Formation) and table is not Formation:
         keys = [key for key in keys if key not in shared]
         yield from ("Or a [formation](#formations).", "")
