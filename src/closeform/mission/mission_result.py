@@ -13,7 +13,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
-from closeform.mission.simulation_verdict import eaten, in_flight, predicted, zone_distance
+from closeform.mission.simulation_verdict import asked_of, eaten, in_flight, predicted, zone_distance
 from closeform.mission.verdict import (
     Asked,
     Late,
@@ -161,7 +161,8 @@ class AvoidResult:
             held, text, least, by = one.holds(path), f"{name} of {self.craft}", one._worst(path)[0], ""
             if least < inf:
                 by = f" by {abs(least):.3g} {one.unit}"
-            yield Asked(f"{text} is kept{by}", f"{text} is not kept{by * (least < 0.0)}", held, least, name)
+            broken = f"{text} is not kept{by * (least < 0.0)}"
+            yield Asked(f"{text} is kept{by}", broken, held, least, name, unit=one.unit)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -316,7 +317,7 @@ class Mission(Stages):
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
             tuple(result.late for result in self.executed if result.late is not None),
-            asked=(*judged, *(one for some in self.executed for one in some.asked)),
+            asked=(*judged, *(one for some in self.executed for one in asked_of(self, some))),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
             model=self.orbit._model if watched else "",
             zone_distance=zone_distance(self) if watched else None,

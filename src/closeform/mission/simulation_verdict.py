@@ -5,7 +5,7 @@ the minimum distance from a keep-out zone.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nan, pi
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,16 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.confidence import estimate
 from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
-from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Use, ZoneDistance, beyond
+from closeform.mission.verdict import (
+    MET,
+    NOT_MET,
+    SAMPLED,
+    Asked,
+    Use,
+    ZoneDistance,
+    beyond,
+    metres,
+)
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
@@ -188,6 +197,20 @@ def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
     return neglected, float(half), float(most)
 
 
+def asked_of(mission: "Mission", result: "StageResult[Any, Any]") -> Iterator[Asked]:
+    """Yield the requirements of a stage, in doubt if the model error exceeds the slack of a met one."""
+    errors: dict[str, float] = {}
+    why = ""
+    if (found := result.validity) is not None:
+        far, fast = np.linalg.norm(found.deviations.reshape(-1, 2, 3), axis=-1).max(axis=0).tolist()
+        errors, why = {"m": far, "m/s": fast}, f"predicted deviation {metres(far)} in {found.field}"
+    elif (error := mission_error(mission)) is not None:
+        errors, why = {"m": error[2]}, f"model error (95th percentile {metres(error[2])})"
+    for one in result.asked:
+        exceeded = one.met and errors.get(one.unit, 0.0) > one.slack and mission.flights is None
+        yield replace(one, doubt=f"not shown: {one.kept}, {why} exceeds it") if exceeded else one
+
+
 def zone_distance(mission: "Mission") -> ZoneDistance | None:
     """Return the minimum distance of a pair from its zone, with the model error.
 
@@ -199,7 +222,9 @@ def zone_distance(mission: "Mission") -> ZoneDistance | None:
     inner = {zone: zone.inner_radius for zone in {one.zone for one in near}}
     spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # lower bound in any direction
     k = int(np.argmin(spare))
-    enlarges = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
+    ends = {end for result in mission.executed for end in (result.start, result.end)}
+    inside = min(abs(near[k].time - end) for end in ends) > 1e-6 * max(ends)  # ends stay where they are
+    enlarges = inside and any(hasattr(stage, "margin") for stage in mission.scenario.stages)
     _, half, most = mission_error(mission) or (None, nan, nan)
     return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), half, most, enlarges)
 

@@ -117,7 +117,7 @@ class Late:
 class Asked:
     """Requirement of a stage, with the texts `kept` and `broken` for a requirement that is `met` or not.
 
-    A verdict reports only the met requirement of one `kind` with the least `slack`, in its own unit.
+    A verdict reports only the met requirement of one `kind` with the least `slack`, in its own `unit`.
     `doubt` is the reason why a requirement that the plan meets in its model is in doubt, or empty.
     """
 
@@ -127,6 +127,7 @@ class Asked:
     slack: float
     kind: str
     doubt: str = ""
+    unit: str = ""
 
     @property
     def shown(self) -> bool | None:

@@ -72,11 +72,13 @@ class Outcome:
                 k = int(np.argmin(ratios))
                 (one, other), drifts, time = problem.pairs[every.which[k]], every.drifts[k], every.times[k]
                 one, other = (other, one) if drifts[1] > 0.0 else (one, other)
-                lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
-                said = (
-                    f"; the nearest miss: {names[one]} reaches {ratios[k]:.4f} x zone from "
-                    f"{names[other]} at {time:.6g} s{lost}"
+                near = (
+                    f"reaches {ratios[k]:.4f} x zone from"
+                    if ratios[k] < 1.0
+                    else "is not shown to be clear of"
                 )
+                lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
+                said = f"; the nearest miss: {names[one]} {near} {names[other]} at {time:.6g} s{lost}"
         if self.unfired:
             said = (
                 f"; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found{said}"

@@ -15,6 +15,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach
 from closeform.conflicts.two_paths import nearest_first
 from closeform.mission.mission_result import FirstLocks, Mission, StageResult
+from closeform.mission.simulation_verdict import asked_of
 from closeform.mission.verdict import Verdict, conflicts_of
 from closeform.report import page
 from closeform.report.description import (
@@ -244,7 +245,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
         yield f"{where}: within {asked:.1f} s", took, result.late is None
     arrival = getattr(stage, "arrival", None)
     tolerance = f"{arrival.position:g} m and {1e3 * arrival.velocity:g} mm/s" if arrival is not None else ""
-    for one in result.asked:
+    for one in asked_of(mission, result):
         what = {
             "sigmas": f"clear at {stage.sigmas} sigma",
             "probability": f"probability of collision at most {stage.max_probability}",
