@@ -11,6 +11,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_TURNS
 from closeform.motion.path import Path, ends_of
 from closeform.report.description import Column, Table
@@ -190,6 +191,8 @@ class Choices:
             shows = f"{most}, which spends most" if len(self.movers) > 1 else ""
             caption = f"Primer vector of {most}: impulses are optimal where its length is one"
             yield Picture("primer", caption, "primer", *self.primer(most), shows=shows)
+        if isinstance(self.mission.orbit, ChiefOrbit):  # delta-v depends on the departure there
+            return
         plans, fired, asked = None, None, None if self.result.executed else self.ends[2]
         if self.result.executed:
             plans = [self.plan(name) for name in self.movers]
