@@ -328,7 +328,7 @@ def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
     mission = run(tmp_path, SCENARIO)
     stage = mission.results[1]
     assert mission.verdict.ok
-    kinds = "approach corridor", "waypoint", "time without thrust", "exhaust", "direction without thrust"
+    kinds = "approach corridor", "waypoint", "time without thrust", "plume limit", "direction without thrust"
     assert {one.kind for one in stage.asked} == set(kinds)
     times, path = np.linspace(300.0, 2700.0, 20_001), stage.after.path("Chaser")
     assert inside(None, path.state(times), "cone").min() >= -1e-6

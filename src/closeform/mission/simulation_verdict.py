@@ -204,7 +204,7 @@ def asked_of(mission: "Mission", result: "StageResult[Any, Any]") -> Iterator[As
     if (found := result.validity) is not None:
         far, fast = np.linalg.norm(found.deviations.reshape(-1, 2, 3), axis=-1).max(axis=0).tolist()
         errors, why = {"m": far, "m/s": fast}, f"predicted deviation {metres(far)} in {found.field}"
-    elif (error := mission_error(mission)) is not None:
+    elif any(one.unit == "m" for one in result.asked) and (error := mission_error(mission)) is not None:
         errors, why = {"m": error[2]}, f"model error (95th percentile {metres(error[2])})"
     for one in result.asked:
         exceeded = one.met and errors.get(one.unit, 0.0) > one.slack and mission.flights is None

@@ -171,7 +171,7 @@ def built_all(stage: Any, start: float, period: float) -> dict[str, Any]:
     single = {
         "approach corridor": stage.corridor,
         "speed limit": stage.speed_limit,
-        "exhaust": stage.plume,
+        "plume limit": stage.plume,
     }
     found = {name: one.built(start, period) for name, one in single.items() if one is not None}
     lists = {

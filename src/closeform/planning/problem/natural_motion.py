@@ -17,7 +17,7 @@ from closeform.motion.arc import MEAN_MOTION, acceleration
 from closeform.motion.chief.bernstein import TERMS, value_at, weights
 from closeform.motion.chief.clock import RATE, angle_at, pace
 from closeform.motion.chief.impulses import primer_rows
-from closeform.motion.chief.segments import FIRST, LAST
+from closeform.motion.chief.segments import FIRST, LAST, window_at
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.hill import coast
 from closeform.motion.linear import solve
@@ -44,19 +44,6 @@ def rate_of(scene):
 
 
 @kernel()
-def window_of(joints, s):
-    """Return the index of the window that holds an angle."""
-    low, high = 0, len(joints) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if joints[middle] <= s:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@kernel()
 def fill_flow(scene, t, out):
     """Fill `out` (3, 6) or (6, 6) with the first rows of the transition matrix from the first time to t."""
     if len(scene.clock) == 0:
@@ -66,7 +53,7 @@ def fill_flow(scene, t, out):
             rate_rows(n, passed, out[3:])
         return
     s = angle_at(scene.clock, t)
-    w, basis = window_of(scene.joints, s), stack_vector(12)
+    w, basis = window_at(scene.joints, 0.0, s)[0], stack_vector(12)
     low, high = scene.joints[w], scene.joints[w + 1]
     weights(min(max((s - low) / (high - low), 0.0), 1.0), basis)
     for i in range(len(out)):
@@ -124,7 +111,7 @@ def add_natural(scene, t, begun, out, sign):
             out[2, i] += sign * bend[i]
         return
     s, line = angle_at(scene.clock, t), stack_vector(12)
-    w = window_of(scene.joints, s)
+    w = window_at(scene.joints, 0.0, s)[0]
     low, high = scene.joints[w], scene.joints[w + 1]
     u = min(max((s - low) / (high - low), 0.0), 1.0)
     speed = scene.clock[RATE] / (pace(scene.clock, s) * (high - low))  # du/dt

@@ -11,11 +11,11 @@ from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
 from closeform.motion.chief.bernstein import SQUARE, keep_piece
 from closeform.motion.chief.clock import angle_at, time_at
 from closeform.motion.chief.impulses import DEPTH, note, primer_in, window_maxima
-from closeform.motion.chief.segments import squared
+from closeform.motion.chief.segments import squared, window_at
 from closeform.motion.hill import coast
 from closeform.motion.minimum_delta_v.primer import peaks
 from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, cut_of, fill_effects, is_free
-from closeform.planning.problem.natural_motion import state_after, window_of
+from closeform.planning.problem.natural_motion import state_after
 from closeform.planning.problem.scene import INDICES, PAIRS, ROWS
 
 BETWEEN = 1e-7  # maximum difference of d . p from cubics between its samples
@@ -87,7 +87,7 @@ def peaks_beside(fleet, c, t, end, level, work, instants, squares):
     stack, _, spare = work
     first, last = angle_at(fleet.clock, t), angle_at(fleet.clock, end)
     most, value, rose, count = floor, 0.0, True, 0
-    opening, final = window_of(joints, first), window_of(joints, last)
+    opening, final = window_at(joints, 0.0, first)[0], window_at(joints, 0.0, last)[0]
     if final > opening and not last > joints[final]:
         final -= 1
     for w in range(opening, final + 1):
