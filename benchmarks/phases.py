@@ -47,7 +47,7 @@ def main() -> None:
         import closeform.report.run
 
         timed(closeform._jit.Kernel, "__call__", "kernels")
-        timed(closeform.mission.mission, "fly", "planning")
+        timed(closeform.mission.mission, "plan_mission", "planning")
         timed(closeform.report.page, "drawn", "pictures")
         timed(closeform.report.picture.Film, "save", "animation")
         timed(closeform.report.run.RunReport, "write", "tables, page")
