@@ -323,7 +323,7 @@ static cff_verdict_t judge_drifts(const cff_path_t *other, const cff_zone_t *zon
             drift.same = false;
         }
         if (on) {
-            (void)cfi_follow(other, &its, t);
+            cfi_follow(other, &its, t);
         }
     }
     return verdict;
