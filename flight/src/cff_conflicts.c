@@ -82,7 +82,7 @@ static bool decide(cff_shape_t shape, const cfi_piece_t *piece, bool narrow, dou
 {
     part_state_t states[6] = {OUT, OUT, OUT, OUT, OUT, OUT};
     bool decided = true;
-    bool out = cfi_excluded(shape, piece);
+    bool out = cfi_excluded(shape, piece, 1U);
     *low = 0.0;
     *high = 1.0;
     for (uint32_t part = 0U; (part < cfi_part_count(shape)) && !out; part++) {

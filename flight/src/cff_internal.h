@@ -115,6 +115,7 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u);
 double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle);
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t);
 double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place);
+const double *cfi_row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i);
 void cfi_see_window(const cff_table_t *chief, uint32_t window, const double columns[CFF_COLUMNS], const cff_zone_t *zone,
                     cfi_view_t *view);
 void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS]);
@@ -134,7 +135,7 @@ void cfi_hull(const double f[CFF_TERMS], double *least, double *most);
 uint32_t cfi_part_count(cff_shape_t shape);
 uint32_t cfi_level(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double f[CFF_SQUARE]);
 double cfi_height(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double u, double *rate);
-bool cfi_excluded(cff_shape_t shape, const cfi_piece_t *piece);
+bool cfi_excluded(cff_shape_t shape, const cfi_piece_t pieces[], uint32_t count);
 double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF_SQUARE]);
 
 /* cff_view.c */

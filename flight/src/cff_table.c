@@ -109,7 +109,7 @@ cff_status_t cff_check_table(const cff_table_t *chief)
 }
 
 /* The coefficients of component i of column j in window k. */
-static const double *row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i)
+const double *cfi_row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i)
 {
     return &chief->rows[((((size_t)k * CFF_COLUMNS) + j) * 72U) + ((size_t)i * CFF_TERMS)];
 }
@@ -144,7 +144,7 @@ double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double ang
 /* Component i of column j at the point of the window with these weights. */
 static double at(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i, const double weights[CFF_TERMS])
 {
-    const double *f = row(chief, k, j, i);
+    const double *f = cfi_row(chief, k, j, i);
     double total = 0.0;
     for (uint32_t b = 0U; b < CFF_TERMS; b++) {
         total += weights[b] * f[b];
@@ -313,7 +313,7 @@ void cfi_see_window(const cff_table_t *chief, uint32_t window, const double colu
     }
     for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
         for (uint32_t i = 0U; (i < 3U) && (columns[j] != 0.0); i++) {
-            const double *f = row(chief, window, j, i);
+            const double *f = cfi_row(chief, window, j, i);
             for (uint32_t b = 0U; b < CFF_TERMS; b++) {
                 view->c[i][b] += columns[j] * f[b];
             }
