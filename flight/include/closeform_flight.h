@@ -193,6 +193,7 @@ typedef struct {
     uint32_t obstacle;
     double normal[3];
     double force[3];
+    double size; /* that scales the force in Newton's method */
     double position[3]; /* of the path in the zone, and its rate */
     double rate[3];
 } cff_touch_t;
@@ -201,6 +202,8 @@ typedef struct {
 typedef struct {
     cff_touch_t touches[CFF_MOST_CONTACTS];
     cff_touch_t kept[CFF_MOST_CONTACTS];
+    cff_touch_t first[CFF_MOST_CONTACTS];
+    uint32_t first_count;
     uint32_t count;
     uint32_t arc_count;
     cff_arc_t arcs[CFF_MOST_CONTACTS + 1U];
@@ -210,7 +213,6 @@ typedef struct {
     double columns[4U * CFF_MOST_CONTACTS];
     double errors[4U * CFF_MOST_CONTACTS];
     double nudged[4U * CFF_MOST_CONTACTS];
-    double lines[CFF_MOST_CONTACTS][2][3];
 } cff_avoid_work_t;
 
 typedef enum { CFF_SAFE = 0, CFF_UNSAFE = 1, CFF_UNDECIDED = 2 } cff_verdict_t;
