@@ -32,8 +32,6 @@
 #define SIDES 8U
 #define DIAGONAL 0.5773502691896258
 #define CONFLICTS 4U /* of the path and one obstacle that become contacts in a round */
-#define FLIGHT_EVALUATIONS 1U /* cost of the state at a contact, and beside a table */
-#define TABLE_EVALUATIONS 20U
 
 /* What does not change. */
 typedef struct {
@@ -114,7 +112,7 @@ static void deflect(const scene_t *scene, uint32_t *evaluations)
     cfi_motion_t wanted;
     cfi_motion_t u;
     double off[6];
-    cfi_spend(evaluations, 2U * (work->count + 1U) * ((scene->direct.chief != NULL) ? TABLE_EVALUATIONS : FLIGHT_EVALUATIONS));
+    cfi_spend(evaluations, 2U * (work->count + 1U) * cfi_motion_cost(scene->direct.chief));
     work->arcs[0] = *direct;
     fly(scene, &end);
     cfi_arc_motion(&scene->direct, 0U, scene->end, &wanted, &u);
