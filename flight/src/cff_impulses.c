@@ -452,7 +452,7 @@ static bool improve(cff_impulses_t *plan, double precision, uint32_t *evaluation
     plan->lower_bound_m_s = cfi_max(plan->lower_bound_m_s, plan->cost_m_s / (highest * (1.0 + precision)));
     plan->finished = (plan->cost_m_s <= (plan->lower_bound_m_s * (1.0 + GAP)));
     if (!plan->finished) {
-        good = enter_all(plan, evaluations) || (highest <= (1.0 + (2.0 * precision)));
+        good = enter_all(plan, evaluations) || (highest <= (1.0 + (2.0 * precision))) || (*evaluations == 0U);
         begin_scan(plan);
     }
     return good;
