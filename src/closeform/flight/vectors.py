@@ -219,7 +219,7 @@ def tables() -> Iterator[str]:
         if chief is None:
             named.append(f"{{NULL, {float(orbit.mean_motion).hex()}}}")
             continue
-        clock, turn, windows, arrays = arrays_of(chief)
+        numbers, arrays = arrays_of(chief)
         names = [
             f"golden_{name}_{number}"
             for name in ("joints", "rows", "steps", "errors", "returns", "return_errors")
@@ -228,8 +228,9 @@ def tables() -> Iterator[str]:
             f"static const double {name}[] = {row(one.ravel())};"
             for name, one in zip(names, arrays, strict=True)
         )
-        head = ", ".join(float(one).hex() for one in (*clock, turn))
-        yield f"static const cff_table_t golden_table_{number} = {{{head}, {windows}U, {', '.join(names)}}};"
+        head = ", ".join(one.hex() for one in numbers[:-1])
+        rest = ", ".join([f"{numbers[-1]}U", *names])
+        yield f"static const cff_table_t golden_table_{number} = {{{head}, {rest}}};"
         named.append(f"{{&golden_table_{number}, 0.0}}")
     yield f"static const golden_orbit_t golden_orbits[] = {{{', '.join(named)}}};"
 
