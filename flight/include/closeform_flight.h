@@ -97,6 +97,16 @@ typedef struct {
     const double *return_errors; /* windows x 9: bounds of their errors; NULL for both: no passive safety */
 } cff_table_t;
 
+/* Room for the table of a circular orbit or of deep space, which cff_circular_table makes. */
+typedef struct {
+    double joints_rad[2];
+    double rows[1080];
+    double steps[90];
+    double errors[15];
+    double returns[648];
+    double return_errors[9];
+} cff_circle_t;
+
 /* Motion of one spacecraft: arcs in order of time, each of which begins where the one before it ends. */
 typedef struct {
     const cff_arc_t *arcs;
@@ -310,6 +320,14 @@ cff_status_t cff_check_path(const cff_path_t *path);
 /* Check a table once, when it is uploaded: numbers, and angles in order.  Other functions check its clock only. */
 /*@ requires cff_is_table(chief); assigns \nothing; */
 cff_status_t cff_check_table(const cff_table_t *chief);
+
+/*
+ * The table of a circular orbit, or of deep space with mean motion 0; it points into `room`.  A window is at most an
+ * eighth of an orbit; in deep space take about the duration of the motion.  Angles of the table are times in windows,
+ * and times are at most 50 000 windows from 0.
+ */
+/*@ requires \valid(room) && \valid(table); assigns *room, *table; */
+cff_status_t cff_circular_table(double mean_motion_rad_s, double window_s, cff_circle_t *room, cff_table_t *table);
 
 /*
  * All conflicts of one spacecraft in the zone around another, over the common time of the paths.

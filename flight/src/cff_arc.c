@@ -99,23 +99,10 @@ static void push(const cff_arc_t *arc, double t, double out[4][3])
     }
 }
 
-/* Take a motion one derivative on, under an optimal thrust u and a push f. */
-static void derive(double n, cfi_motion_t *m, const double u[3], const double f[3])
+/* Add `sign` times what fixes the motion of an arc from time t on, in units of a time h. */
+void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_start_t *out)
 {
-    double a[3];
-    cfi_accelerate(n, m->r, m->v, a);
-    for (uint32_t i = 0U; i < 3U; i++) {
-        m->r[i] = m->v[i];
-        m->v[i] = a[i] + u[i] + f[i];
-    }
-}
-
-/* Add `sign` times the first `order` derivatives of the position at time t. */
-void cfi_add_derivatives(const cff_arc_t *arc, double t, uint32_t order, double sign, double out[CFF_ORDER][3])
-{
-    static const double nothing[3] = {0.0, 0.0, 0.0};
-    const double n = arc->mean_motion_rad_s;
-    const bool pushed = cfi_pushes(arc);
+    const double hh = sign * h * h;
     cfi_motion_t m;
     cfi_motion_t u = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     double f[4][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
@@ -123,22 +110,18 @@ void cfi_add_derivatives(const cff_arc_t *arc, double t, uint32_t order, double 
     if (has_primer(arc)) {
         cfi_primer(arc, t, &u);
     }
-    if (pushed) {
+    if (cfi_pushes(arc)) {
         push(arc, t, f);
     }
-    for (uint32_t k = 0U; k < order; k++) {
-        for (uint32_t i = 0U; i < 3U; i++) {
-            out[k][i] += sign * m.r[i];
-        }
-        derive(n, &m, u.r, f[0]);
-        derive(n, &u, nothing, nothing);
-        for (uint32_t i = 0U; pushed && (i < 3U); i++) {
-            const double bend = f[2][i];
-            f[0][i] = f[1][i];
-            f[1][i] = bend;
-            f[2][i] = f[3][i];
-            f[3][i] = -n * n * bend;
-        }
+    for (uint32_t i = 0U; i < 3U; i++) {
+        out->r[i] += sign * m.r[i];
+        out->v[i] += sign * h * m.v[i];
+        out->u[i] += hh * u.r[i];
+        out->w[i] += hh * h * u.v[i];
+        out->push[0][i] += hh * f[0][i];
+        out->push[1][i] += hh * h * f[1][i];
+        out->push[2][i] += hh * h * h * f[2][i] / 2.0;
+        out->push[3][i] += hh * h * h * h * f[3][i] / 6.0;
     }
 }
 

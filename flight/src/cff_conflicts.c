@@ -82,7 +82,7 @@ static bool decide(cff_shape_t shape, const cfi_piece_t *piece, bool narrow, dou
 {
     part_state_t states[6] = {OUT, OUT, OUT, OUT, OUT, OUT};
     bool decided = true;
-    bool out = cfi_excluded(shape, piece);
+    bool out = cfi_excluded(shape, piece, 1U);
     *low = 0.0;
     *high = 1.0;
     for (uint32_t part = 0U; (part < cfi_part_count(shape)) && !out; part++) {
@@ -138,16 +138,6 @@ cff_status_t cfi_check_pair(const cff_path_t *one, const cff_path_t *other, cons
     return status;
 }
 
-/* Whether both paths are one arc of natural motion each, which keep apart by bounds in closed form. */
-static bool coast_apart(const cff_conflict_search_t *search)
-{
-    const cff_arc_t *a = &search->one.arcs[search->place_of_one.arc];
-    const cff_arc_t *b = &search->other.arcs[search->place_of_other.arc];
-    const double t = search->certified_until_s;
-    return (search->one.chief == NULL) && (a->end_s >= search->end_s) && (b->end_s >= search->end_s) &&
-           cfi_coasts_apart(a, b, t, search->zone, search->end_s - t);
-}
-
 cff_status_t cff_conflicts_begin(cff_conflict_search_t *search, const cff_path_t *one, const cff_path_t *other,
                                  const cff_zone_t *zone)
 {
@@ -165,11 +155,9 @@ cff_status_t cff_conflicts_begin(cff_conflict_search_t *search, const cff_path_t
         search->certified_until_s = t;
         search->end_s = common_end(one, other);
         search->step = CFF_FOREVER;
-        (void)cfi_begin_places(one, &search->place_of_one, other, &search->place_of_other, t);
-        search->finished = coast_apart(search);
-        if (search->finished) {
-            search->certified_until_s = search->end_s;
-        }
+        cfi_begin_place(one, &search->place_of_one, t);
+        cfi_begin_place(other, &search->place_of_other, t);
+        search->finished = false;
     }
     return status;
 }
@@ -326,7 +314,8 @@ cff_status_t cff_closest_approach(const cff_path_t *one, const cff_path_t *other
         bool on = true;
         approach->time_s = start_s;
         approach->ratio = CFF_FOREVER;
-        (void)cfi_begin_places(one, &at_one, other, &at_other, t);
+        cfi_begin_place(one, &at_one, t);
+        cfi_begin_place(other, &at_other, t);
         while (on) { /* each turn costs evaluations */
             cfi_view_t view;
             double u = 0.0;

@@ -220,10 +220,48 @@ void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc
     out->v[2] += (a[2] * k->p0) + (b[2] * k->p1) + (c[2] * k->q0) + (d[2] * k->q1);
 }
 
-/* Hill's acceleration without thrust. */
-void cfi_accelerate(double n, const double r[3], const double v[3], double a[3])
+/* The next coefficient but one of the power series of a motion over an angle, under a force. */
+static void follow(double angle, double k, const double now[3], const double next[3], const double force[3],
+                   double after[3])
 {
-    a[0] = (3.0 * n * n * r[0]) + (2.0 * n * v[1]);
-    a[1] = -2.0 * n * v[0];
-    a[2] = -n * n * r[2];
+    const double turn = 2.0 * angle * (k + 1.0);
+    const double kk = (k + 1.0) * (k + 2.0);
+    after[0] = ((3.0 * angle * angle * now[0]) + (turn * next[1]) + force[0]) / kk;
+    after[1] = (force[1] - (turn * next[0])) / kk;
+    after[2] = (force[2] - (angle * angle * now[2])) / kk;
+}
+
+static void shift(double now[3], double next[3], const double later[3])
+{
+    for (uint32_t i = 0U; i < 3U; i++) {
+        now[i] = next[i];
+        next[i] = later[i];
+    }
+}
+
+/* The power series of a motion in time over h, in which the orbit turns by `angle`. */
+void cfi_series(double angle, const cfi_start_t *start, double out[3][CFF_POWERS])
+{
+    static const double nothing[3] = {0.0, 0.0, 0.0};
+    cfi_start_t s = *start;
+    for (uint32_t k = 0U; k < CFF_POWERS; k++) {
+        const double kk = ((double)k + 3.0) * ((double)k + 4.0);
+        double force[3];
+        double later[3];
+        for (uint32_t i = 0U; i < 3U; i++) {
+            out[i][k] = s.r[i];
+            force[i] = s.u[i] + s.push[0][i];
+        }
+        follow(angle, (double)k, s.r, s.v, force, later);
+        shift(s.r, s.v, later);
+        follow(angle, (double)k, s.u, s.w, nothing, later);
+        shift(s.u, s.w, later);
+        for (uint32_t i = 0U; i < 3U; i++) { /* beyond its rate a push turns with the orbit */
+            const double turned = -angle * angle * s.push[2][i] / kk;
+            s.push[0][i] = s.push[1][i];
+            s.push[1][i] = s.push[2][i];
+            s.push[2][i] = s.push[3][i];
+            s.push[3][i] = turned;
+        }
+    }
 }

@@ -8,8 +8,6 @@
 
 #define CFF_PI 3.14159265358979323846
 #define CFF_FOREVER 1.0e300 /* a time that no end is beyond */
-#define CFF_ORDER ((uint32_t)8U)       /* derivatives of a position that fix an arc with thrust */
-#define CFF_COAST_ORDER ((uint32_t)4U) /* and an arc of natural motion */
 #define CFF_POWERS ((uint32_t)19U)     /* coefficients of a power series of a view */
 #define CFF_SQUARE ((uint32_t)23U)     /* coefficients of the square of a polynomial */
 
@@ -33,6 +31,15 @@ typedef struct {
     double r[3];
     double v[3];
 } cfi_motion_t;
+
+/* What fixes a motion: state, optimal thrust and its rate, and the first coefficients of the push, in units of a time. */
+typedef struct {
+    double r[3];
+    double v[3];
+    double u[3];
+    double w[3];
+    double push[4][3];
+} cfi_start_t;
 
 /*
  * A view: the relative position of two arcs for some time, in zone units, as Bernstein polynomials of u in
@@ -79,7 +86,7 @@ void cfi_coast(double n, double t, const double p[3], const double r[3], const d
 void cfi_add_driven(double n, double t, const cfi_transforms_t *k, const double u[3], const double w[3],
                      cfi_motion_t *out);
 void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc_t *arc, cfi_motion_t *out);
-void cfi_accelerate(double n, const double r[3], const double v[3], double a[3]);
+void cfi_series(double angle, const cfi_start_t *start, double out[3][CFF_POWERS]);
 
 /* cff_arc.c */
 bool cfi_finite(const double numbers[], uint32_t count);
@@ -87,7 +94,7 @@ bool cfi_state_finite(const cff_state_t *state);
 bool cfi_thrusts(const cff_arc_t *arc);
 bool cfi_pushes(const cff_arc_t *arc);
 void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out);
-void cfi_add_derivatives(const cff_arc_t *arc, double t, uint32_t order, double sign, double out[CFF_ORDER][3]);
+void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_start_t *out);
 uint32_t cfi_locate(const cff_path_t *path, double t);
 
 void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *state, cfi_motion_t *primer);
@@ -108,9 +115,11 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u);
 double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle);
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t);
 double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place);
+const double *cfi_row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i);
+void cfi_see_window(const cff_table_t *chief, uint32_t window, const double columns[CFF_COLUMNS], const cff_zone_t *zone,
+                    cfi_view_t *view);
 void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS]);
 void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi_motion_t *state, cfi_motion_t *primer);
-double cfi_arc_energy(const cff_table_t *chief, const cff_arc_t *arc);
 
 /* cff_polynomial.c */
 void cfi_cut(const double f[CFF_TERMS], double low, double high, double out[CFF_TERMS]);
@@ -126,7 +135,7 @@ void cfi_hull(const double f[CFF_TERMS], double *least, double *most);
 uint32_t cfi_part_count(cff_shape_t shape);
 uint32_t cfi_level(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double f[CFF_SQUARE]);
 double cfi_height(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, double u, double *rate);
-bool cfi_excluded(cff_shape_t shape, const cfi_piece_t *piece);
+bool cfi_excluded(cff_shape_t shape, const cfi_piece_t pieces[], uint32_t count);
 double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF_SQUARE]);
 
 /* cff_view.c */
@@ -136,10 +145,10 @@ static inline uint32_t cfi_view_cost(const cff_path_t *path) { return (path->chi
 #define CFF_FINEST 1073741824.0   /* parts of a view: 2^30; a narrower piece is an instant */
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
              double end, const cff_zone_t *zone, cfi_view_t *view);
-bool cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t);
-bool cfi_begin_places(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t);
+void cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t);
+void cfi_begin_place(const cff_path_t *path, cff_cursor_t *place, double t);
+double cfi_pace(const cfi_view_t *view, double u);
 double cfi_time_in(const cfi_view_t *view, double u);
-bool cfi_coasts_apart(const cff_arc_t *a, const cff_arc_t *b, double t, const cff_zone_t *zone, double h);
 void cfi_take_piece(const cfi_view_t *view, cfi_piece_t *piece);
 bool cfi_next_interval(double *low, double *width);
 bool cfi_halve_piece(cfi_piece_t *piece);

@@ -16,13 +16,6 @@
 #define TURN 6.283185307179586
 #define NEWTON_STEPS 30U
 #define FARTHEST_RAD 1.0e5 /* of joints and angles: beyond, the phase loses digits */
-#define NODES 5U
-
-/* Gauss-Legendre nodes and weights of degree 19 on [-1, 1]: the positive half. */
-static const double NODE[NODES] = {0.1488743389816312, 0.4333953941292472, 0.6794095682990244, 0.8650633666889845,
-                                   0.9739065285171717};
-static const double WEIGHT[NODES] = {0.2955242247147529, 0.2692667193099964, 0.2190863625159820, 0.1494513491505806,
-                                     0.0666713443086881};
 
 /* The angle of a time, by Newton's method on Kepler's equation. */
 double cfi_angle(const cff_table_t *chief, double t)
@@ -116,7 +109,7 @@ cff_status_t cff_check_table(const cff_table_t *chief)
 }
 
 /* The coefficients of component i of column j in window k. */
-static const double *row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i)
+const double *cfi_row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i)
 {
     return &chief->rows[((((size_t)k * CFF_COLUMNS) + j) * 72U) + ((size_t)i * CFF_TERMS)];
 }
@@ -151,7 +144,7 @@ double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double ang
 /* Component i of column j at the point of the window with these weights. */
 static double at(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t i, const double weights[CFF_TERMS])
 {
-    const double *f = row(chief, k, j, i);
+    const double *f = cfi_row(chief, k, j, i);
     double total = 0.0;
     for (uint32_t b = 0U; b < CFF_TERMS; b++) {
         total += weights[b] * f[b];
@@ -308,36 +301,33 @@ void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi
     }
 }
 
-/* Half the integral of |primer|^2 along an arc, window by window. */
-double cfi_arc_energy(const cff_table_t *chief, const cff_arc_t *arc)
+/* Fill in the polynomials of a window, in zone units, of motion with these columns; adds to bounds of their errors. */
+void cfi_see_window(const cff_table_t *chief, uint32_t window, const double columns[CFF_COLUMNS], const cff_zone_t *zone,
+                    cfi_view_t *view)
 {
-    const double n = chief->rate_rad_s;
-    const double last = cfi_angle(chief, arc->end_s);
-    double low = cfi_angle(chief, arc->start_s);
-    double total = 0.0;
-    cff_cursor_t place;
-    (void)cfi_place(chief, arc, arc->start_s, &place);
-    bool on = true;
-    for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && on; k++) {
-        const double end = cfi_window_end(chief, &place);
-        const double high = cfi_min(end, last);
-        for (uint32_t m = 0U; m < (2U * NODES); m++) {
-            const double half = 0.5 * (high - low);
-            const double node = ((m % 2U) == 0U) ? NODE[m / 2U] : -NODE[m / 2U];
-            const double angle = (low + half) + (half * node);
-            double z[CFF_COLUMNS];
-            double sine;
-            double cosine;
-            cfi_sine_cosine(angle, &sine, &cosine);
-            columns_in(chief, &place, (angle - place.origin_rad) / (end - place.origin_rad), z);
-            const double pace = (1.0 - (chief->eccentricity * cosine)) / n;
-            total += WEIGHT[m / 2U] * half * pace * cfi_dot(&z[COSTATE], &z[COSTATE]);
-        }
-        low = end;
-        on = (end < last) && window_after(chief, &place);
-        if (on) {
-            cfi_next_window(chief, &place);
+    double off = 0.0;
+    for (uint32_t i = 0U; i < 3U; i++) {
+        for (uint32_t b = 0U; b < CFF_TERMS; b++) {
+            view->c[i][b] = 0.0;
         }
     }
-    return 0.5 * total * n * n * n * n;
+    for (uint32_t j = 0U; j < CFF_COLUMNS; j++) {
+        for (uint32_t i = 0U; (i < 3U) && (columns[j] != 0.0); i++) {
+            const double *f = cfi_row(chief, window, j, i);
+            for (uint32_t b = 0U; b < CFF_TERMS; b++) {
+                view->c[i][b] += columns[j] * f[b];
+            }
+        }
+        off += fabs(columns[j]) * chief->errors[((size_t)window * CFF_COLUMNS) + j];
+    }
+    for (uint32_t b = 0U; b < CFF_TERMS; b++) {
+        const double r[3] = {view->c[0][b], view->c[1][b], view->c[2][b]};
+        for (uint32_t i = 0U; i < 3U; i++) {
+            view->c[i][b] = cfi_dot(zone->to_unit_per_m[i], r);
+        }
+    }
+    for (uint32_t i = 0U; i < 3U; i++) {
+        const double *m = zone->to_unit_per_m[i];
+        view->off[i] += off * ((fabs(m[0]) + fabs(m[1])) + fabs(m[2]));
+    }
 }

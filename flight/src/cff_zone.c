@@ -124,8 +124,8 @@ void cfi_hull(const double f[CFF_TERMS], double *least, double *most)
     }
 }
 
-/* Whether a plane keeps the whole piece out of a round part: the plane across the nearest point of its chord. */
-static bool beyond_plane(const cfi_piece_t *piece, uint32_t axes)
+/* Whether a plane keeps pieces out of a round part: the plane across the nearest point of the chord of all. */
+static bool beyond_plane(const cfi_piece_t pieces[], uint32_t count, uint32_t axes)
 {
     const uint32_t last = CFF_TERMS - 1U;
     double w[3] = {0.0, 0.0, 0.0};
@@ -133,39 +133,46 @@ static bool beyond_plane(const cfi_piece_t *piece, uint32_t axes)
     double square = 0.0;
     double along = 0.0;
     for (uint32_t axis = 0U; axis < axes; axis++) {
-        const double way = piece->c[axis][last] - piece->c[axis][0];
+        const double way = pieces[count - 1U].c[axis][last] - pieces[0].c[axis][0];
         square += way * way;
-        along -= way * piece->c[axis][0];
-        off += piece->off[axis];
+        along -= way * pieces[0].c[axis][0];
+        off += pieces[0].off[axis];
     }
     along = (along > 0.0) ? cfi_min(along / square, 1.0) : 0.0;
     for (uint32_t axis = 0U; axis < axes; axis++) {
-        w[axis] = piece->c[axis][0] + (along * (piece->c[axis][last] - piece->c[axis][0]));
+        w[axis] = pieces[0].c[axis][0] + (along * (pieces[count - 1U].c[axis][last] - pieces[0].c[axis][0]));
     }
     double least = CFF_FOREVER;
-    for (uint32_t k = 0U; k < CFF_TERMS; k++) {
-        double height = 0.0;
-        for (uint32_t axis = 0U; axis < axes; axis++) {
-            height += w[axis] * piece->c[axis][k];
+    for (uint32_t p = 0U; p < count; p++) {
+        for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+            double height = 0.0;
+            for (uint32_t axis = 0U; axis < axes; axis++) {
+                height += w[axis] * pieces[p].c[axis][k];
+            }
+            least = cfi_min(least, height);
         }
-        least = cfi_min(least, height);
     }
     return least > (sqrt(cfi_dot(w, w)) * (1.0 + off) * (1.0 + 1e-14));
 }
 
-/* Whether hulls show that the whole piece is outside. */
-bool cfi_excluded(cff_shape_t shape, const cfi_piece_t *piece)
+/* Whether a plane or hulls show that pieces, of one bound of errors, and all between them are outside. */
+bool cfi_excluded(cff_shape_t shape, const cfi_piece_t pieces[], uint32_t count)
 {
+    const uint32_t axes = cfi_round_axes(shape, 0U);
     bool out = false;
-    for (uint32_t axis = 0U; axis < 3U; axis++) {
-        if (cfi_round_axes(shape, 0U) <= axis) { /* an axis with flat parts */
+    for (uint32_t axis = axes; axis < 3U; axis++) { /* with flat parts */
+        double lowest = CFF_FOREVER;
+        double highest = -CFF_FOREVER;
+        for (uint32_t p = 0U; p < count; p++) {
             double least;
             double most;
-            cfi_hull(piece->c[axis], &least, &most);
-            out = out || (cfi_max(least, -most) > (1.0 + piece->off[axis]));
+            cfi_hull(pieces[p].c[axis], &least, &most);
+            lowest = cfi_min(lowest, least);
+            highest = cfi_max(highest, most);
         }
+        out = out || (cfi_max(lowest, -highest) > (1.0 + pieces[0].off[axis]));
     }
-    return out || ((shape != CFF_BOX) && beyond_plane(piece, cfi_round_axes(shape, 0U)));
+    return out || ((axes > 0U) && beyond_plane(pieces, count, axes));
 }
 
 /* A lower bound of the norm over the piece; for a round first part `f` keeps the coefficients of its square. */
