@@ -14,7 +14,7 @@
  * answer is certified; call it again to continue.
  *
  * A call that returns CFF_BAD_INPUT leaves its outputs unchanged.  Reentrant.  Pointers must not be null
- * and are not kept, except those of cff_conflicts_begin.
+ * and are not kept, except those of cff_conflicts_begin and the table of cff_impulses_begin.
  */
 #ifndef CLOSEFORM_FLIGHT_H
 #define CLOSEFORM_FLIGHT_H
@@ -35,6 +35,8 @@ extern "C" {
 #define CFF_MOST_WINDOWS 4096U      /* windows of a table, and windows that one arc may last */
 #define CFF_MOST_OBSTACLES 8U       /* obstacles of an avoidance */
 #define CFF_MOST_CONTACTS 8U        /* contacts of an avoidance */
+#define CFF_MOST_IMPULSES 6U    /* of a plan of minimum delta-v */
+#define CFF_MOST_PEAKS 8U       /* maxima of the primer that such a plan takes up at once */
 #define CFF_MOST_LEGS 64U           /* turns of a search */
 #define CFF_MOST_CRAFT 64U          /* spacecraft of a gathering */
 #define CFF_TERMS 12U               /* coefficients of a polynomial of a table */
@@ -193,6 +195,7 @@ typedef struct {
     uint32_t obstacle;
     double normal[3];
     double force[3];
+    double size; /* that scales the force in Newton's method */
     double position[3]; /* of the path in the zone, and its rate */
     double rate[3];
 } cff_touch_t;
@@ -201,6 +204,8 @@ typedef struct {
 typedef struct {
     cff_touch_t touches[CFF_MOST_CONTACTS];
     cff_touch_t kept[CFF_MOST_CONTACTS];
+    cff_touch_t first[CFF_MOST_CONTACTS];
+    uint32_t first_count;
     uint32_t count;
     uint32_t arc_count;
     cff_arc_t arcs[CFF_MOST_CONTACTS + 1U];
@@ -210,8 +215,42 @@ typedef struct {
     double columns[4U * CFF_MOST_CONTACTS];
     double errors[4U * CFF_MOST_CONTACTS];
     double nudged[4U * CFF_MOST_CONTACTS];
-    double lines[CFF_MOST_CONTACTS][2][3];
 } cff_avoid_work_t;
+
+typedef struct {
+    double time_s;
+    double delta_v_m_s[3];
+} cff_impulse_t;
+
+/* A unit impulse, for the library: what it does to the final state, and the six first numbers of a primer along it. */
+typedef struct {
+    double time_s;
+    double direction[3];
+    double size_m_s;
+    double change[6];
+    double along[6];
+} cff_push_t;
+
+/* Impulses between two states in a given time.  Read the plan; only the library writes it. */
+typedef struct {
+    cff_arc_t arcs[CFF_MOST_IMPULSES + 1U]; /* the plan: coasts, each after its impulse */
+    uint32_t count;                         /* of arcs */
+    double delta_v_m_s;                     /* of the plan */
+    double lower_bound_m_s;                 /* no thrust of any kind makes the transfer with less, up to rounding */
+    uint32_t evaluations_used;
+    bool finished;
+    const cff_table_t *chief; /* the rest is for the library */
+    cff_arc_t coast;          /* without impulses */
+    double change[6];         /* of the final state, that impulses make */
+    cff_push_t basis[CFF_MOST_IMPULSES];
+    double cost_m_s; /* of the basis */
+    double primer[6];
+    cff_push_t peaks[CFF_MOST_PEAKS];
+    uint32_t peak_count;
+    double scanned_s; /* of the primer, and the piece of the next view */
+    double low;
+    double width;
+} cff_impulses_t;
 
 typedef enum { CFF_SAFE = 0, CFF_UNSAFE = 1, CFF_UNDECIDED = 2 } cff_verdict_t;
 
@@ -374,9 +413,25 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
                        uint32_t obstacle_count, uint32_t evaluations, cff_avoid_work_t *work, cff_avoidance_t *found);
 
 /*
+ * The minimum delta-v between two states in a given time, by at most six impulses, with or without a table.
+ *
+ * Begin once: the plan is a valid transfer from then on.  Each call of cff_impulses_continue makes it cheaper and
+ * raises the lower bound, until the status is CFF_OK: the two agree to 1e-6.  CFF_SINGULAR: by cff_impulses_begin
+ * that no impulses make this transfer, by the other that rounding prevents that precision; the plan and its bound
+ * hold.  The table must outlive the plan.
+ */
+/*@ requires \valid(plan) && (chief == \null || cff_is_table(chief)) && \valid_read(initial) && \valid_read(final);
+    assigns *plan; */
+cff_status_t cff_impulses_begin(cff_impulses_t *plan, const cff_table_t *chief, double mean_motion_rad_s, double start_s,
+                                double duration_s, const cff_state_t *initial, const cff_state_t *final);
+/*@ requires \valid(plan); assigns *plan; */
+cff_status_t cff_impulses_continue(cff_impulses_t *plan, uint32_t evaluations);
+
+/*
  * Passive safety: the verdict on a loss of thrust at any instant of a path from `from_s` on, with natural
  * motion after it until `until_s`.  An impulse may be fired in part.  The other path must last until then.
- * Both paths are beside a table; a circular orbit has one.  CFF_SAFE is certified.  After CFF_MORE
+ * Both paths are beside a table, which cff_circular_table makes for a circular orbit or deep space.  CFF_SAFE is
+ * certified.  After CFF_MORE
  * call again with `from_s` = `certified_until_s`, and with more evaluations if that is `from_s` still.
  */
 /*@ requires cff_is_path(path) && cff_is_path(other) && \valid_read(zone) && \valid(found); assigns *found; */

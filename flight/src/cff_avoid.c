@@ -21,19 +21,17 @@
 #define NEARLY 3.0e-2 /* shortfall in zones below which Newton's method is tried */
 #define CLOSE 0.2     /* and change of normals in a round */
 #define SLOWEST 0.2 /* share of the way that touches move at least */
+#define NEAR 0.05     /* of the duration: how far a contact slides in a round */
 #define SAME 1.0e-3   /* of the duration: contacts closer than this are one */
 #define SWEEPS 300U
-#define STEPS 15U
+#define STEPS 15U /* of Newton's method */
 #define TOUCHING 1.0e-10 /* largest error of the conditions, in zones */
 #define FAR 10.0
 #define NUDGE 1.0e-6 /* relative change of an unknown in the derivatives by differences */
-#define RAISES 4U
-#define RAYS 10U /* sides on which to pass: eight across the motion of the first contact, and before and after */
+#define RAYS 14U /* sides on which to pass: along both ways of the axes of a zone, and of its diagonals */
 #define SIDES 8U
-#define DIAGONAL 0.7071067811865476
+#define DIAGONAL 0.5773502691896258
 #define CONFLICTS 4U /* of the path and one obstacle that become contacts in a round */
-#define FLIGHT_EVALUATIONS 1U /* cost of the state at a contact, and beside a table */
-#define TABLE_EVALUATIONS 20U
 
 /* What does not change. */
 typedef struct {
@@ -114,7 +112,7 @@ static void deflect(const scene_t *scene, uint32_t *evaluations)
     cfi_motion_t wanted;
     cfi_motion_t u;
     double off[6];
-    cfi_spend(evaluations, 2U * (work->count + 1U) * ((scene->direct.chief != NULL) ? TABLE_EVALUATIONS : FLIGHT_EVALUATIONS));
+    cfi_spend(evaluations, 2U * (work->count + 1U) * cfi_motion_cost(scene->direct.chief));
     work->arcs[0] = *direct;
     fly(scene, &end);
     cfi_arc_motion(&scene->direct, 0U, scene->end, &wanted, &u);
@@ -144,6 +142,15 @@ static void sort_touches(cff_avoid_work_t *work)
             m--;
         }
         work->touches[m] = touch;
+    }
+}
+
+/* Scale a vector to length 1; one without length becomes the first axis. */
+static void make_unit(double v[3])
+{
+    const double size = sqrt(cfi_dot(v, v));
+    for (uint32_t i = 0U; i < 3U; i++) {
+        v[i] = (size > 1e-9) ? (v[i] / size) : ((i == 0U) ? 1.0 : 0.0);
     }
 }
 
@@ -208,13 +215,12 @@ static cff_path_t bent(const scene_t *scene)
     return path;
 }
 
-/* The motion of the deflected path relative to an obstacle at time t, in zone units. */
-static void relative_at(const scene_t *scene, uint32_t which, double t, double r[3], double v[3])
+/* The motion of a path relative to an obstacle at time t, in zone units. */
+static void relative_at(const scene_t *scene, const cff_path_t *path, uint32_t which, double t, double r[3], double v[3])
 {
-    const cff_path_t path = bent(scene);
     cfi_motion_t m;
     cfi_motion_t unused;
-    cfi_arc_motion(&path, cfi_locate(&path, t), t, &m, &unused);
+    cfi_arc_motion(path, cfi_locate(path, t), t, &m, &unused);
     relative(scene, which, t, &m, r, v);
 }
 
@@ -224,76 +230,53 @@ static double extra_energy(const scene_t *scene)
     double total = 0.0;
     for (uint32_t k = 0U; k < scene->work->count; k++) {
         const cff_touch_t *touch = &scene->work->touches[k];
-        cfi_motion_t m;
-        cfi_motion_t unused;
         double r[3];
         double v[3];
-        cfi_arc_motion(&scene->direct, 0U, touch->time_s, &m, &unused);
-        relative(scene, touch->obstacle, touch->time_s, &m, r, v);
+        relative_at(scene, &scene->direct, touch->obstacle, touch->time_s, r, v);
         total += 0.5 * (cfi_dot(touch->force, touch->position) - cfi_dot(touch->force, r));
     }
     return total;
 }
 
 /*
- * Move a touch a share of the way to the local minimum of the norm in time, and to the normal there; returns the
- * relative change all the way.
+ * Move a touch a share of the way to the minimum of the norm near it, and to the normal there; returns the relative
+ * change all the way.
  */
 static double slide(const scene_t *scene, cff_touch_t *touch, double share, uint32_t *evaluations)
 {
     const double length = scene->end - scene->start;
+    const cff_path_t path = bent(scene);
     const cff_path_t *obstacle = &scene->obstacles[touch->obstacle];
-    const double first = cfi_max(scene->start, obstacle->arcs[0].start_s);
-    const double last = cfi_min(scene->end, obstacle->arcs[obstacle->count - 1U].end_s);
-    double t = touch->time_s;
+    const double first = cfi_max(cfi_max(scene->start, obstacle->arcs[0].start_s), touch->time_s - (NEAR * length));
+    const double last = cfi_min(cfi_min(scene->end, obstacle->arcs[obstacle->count - 1U].end_s), touch->time_s + (NEAR * length));
+    cff_approach_t near = {touch->time_s, 0.0, 0.0, 0U};
     double r[3];
     double v[3];
-    double moved = 0.0;
-    bool on = true;
-    for (uint32_t k = 0U; (k < STEPS) && on; k++) {
-        const double ahead = cfi_min(t + (1e-5 * length), last);
-        const double behind = ahead - (1e-5 * length);
-        cfi_spend(evaluations, 2U * ((scene->direct.chief != NULL) ? TABLE_EVALUATIONS : FLIGHT_EVALUATIONS));
-        relative_at(scene, touch->obstacle, ahead, r, v);
-        const double after = cfi_dot(r, v);
-        relative_at(scene, touch->obstacle, behind, r, v);
-        const double before = cfi_dot(r, v);
-        const double bend = (after - before) / (1e-5 * length);
-        const double slope = before + (bend * (t - behind));
-        double step = (slope > 0.0) ? (-0.02 * length) : (0.02 * length);
-        if (bend > 0.0) {
-            step = cfi_min(cfi_max(-slope / bend, -0.05 * length), 0.05 * length);
-        }
-        const double next = cfi_min(cfi_max(t + step, first), last);
-        on = (fabs(next - t) > (1e-10 * length));
-        t = next;
-    }
-    relative_at(scene, touch->obstacle, t, r, v);
+    (void)cff_closest_approach(&path, obstacle, &scene->zones[touch->obstacle], first, last,
+                               cfi_larger(*evaluations, CFF_LEAST_EVALUATIONS), &near);
+    cfi_spend(evaluations, near.evaluations_used);
+    relative_at(scene, &path, touch->obstacle, near.time_s, r, v);
+    double moved = fabs(near.time_s - touch->time_s) / length;
+    touch->time_s += share * (near.time_s - touch->time_s);
     const double norm = sqrt(cfi_dot(r, r));
-    moved = fabs(t - touch->time_s) / length;
-    touch->time_s += share * (t - touch->time_s);
-    const bool apart = (norm > 1e-9);
-    for (uint32_t i = 0U; (i < 3U) && apart; i++) {
+    for (uint32_t i = 0U; (i < 3U) && (norm > 1e-9); i++) {
         const double turn = (r[i] / norm) - touch->normal[i];
         moved = cfi_max(moved, fabs(turn));
         touch->normal[i] += share * turn;
     }
-    const double length_of_normal = sqrt(cfi_max(cfi_dot(touch->normal, touch->normal), 1e-300));
-    for (uint32_t i = 0U; i < 3U; i++) {
-        touch->normal[i] /= length_of_normal;
-    }
+    make_unit(touch->normal);
     return moved;
 }
 
-/* Keep the touches that push; merge those of one obstacle that came together. */
-static void keep_pushing(const scene_t *scene)
+/* Keep the touches that push, and those from `old` on, which are new; merge those of one obstacle that came together. */
+static void keep_pushing(const scene_t *scene, uint32_t old)
 {
     cff_avoid_work_t *work = scene->work;
     const double near = SAME * (scene->end - scene->start);
     uint32_t count = 0U;
     for (uint32_t k = 0U; k < work->count; k++) {
         const cff_touch_t *touch = &work->touches[k];
-        bool fresh = (cfi_dot(touch->force, touch->force) > 0.0);
+        bool fresh = (k >= old) || (cfi_dot(touch->force, touch->force) > 0.0);
         for (uint32_t m = 0U; m < count; m++) {
             const cff_touch_t *other = &work->touches[m];
             fresh = fresh && ((other->obstacle != touch->obstacle) || (fabs(other->time_s - touch->time_s) >= near));
@@ -318,15 +301,13 @@ static bool add_touch(const scene_t *scene, uint32_t which, double t)
     }
     if (fresh && (work->count < CFF_MOST_CONTACTS)) {
         cff_touch_t *touch = &work->touches[work->count];
+        const cff_path_t path = bent(scene);
         double v[3];
         touch->time_s = t;
         touch->obstacle = which;
         set_force(touch, 0.0);
-        relative_at(scene, which, t, touch->normal, v);
-        const double norm = sqrt(cfi_dot(touch->normal, touch->normal));
-        for (uint32_t i = 0U; i < 3U; i++) {
-            touch->normal[i] = (norm > 1e-9) ? (touch->normal[i] / norm) : ((i == 0U) ? 1.0 : 0.0);
-        }
+        relative_at(scene, &path, which, t, touch->normal, v);
+        make_unit(touch->normal);
         work->count++;
     } else {
         fresh = false;
@@ -373,29 +354,7 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
     return shortfall;
 }
 
-/* Two directions across a vector. */
-static void across(const double v[3], double lines[2][3])
-{
-    uint32_t least = 0U;
-    for (uint32_t i = 1U; i < 3U; i++) {
-        least = (fabs(v[i]) < fabs(v[least])) ? i : least;
-    }
-    const double square = cfi_max(cfi_dot(v, v), 1e-300);
-    for (uint32_t i = 0U; i < 3U; i++) {
-        lines[0][i] = ((i == least) ? 1.0 : 0.0) - (v[least] * v[i] / square);
-    }
-    const double length = sqrt(cfi_max(cfi_dot(lines[0], lines[0]), 1e-300));
-    for (uint32_t i = 0U; i < 3U; i++) {
-        lines[0][i] /= length;
-    }
-    for (uint32_t i = 0U; i < 3U; i++) {
-        const uint32_t j = (i + 1U) % 3U;
-        const uint32_t k = (i + 2U) % 3U;
-        lines[1][i] = ((v[j] * lines[0][k]) - (v[k] * lines[0][j])) / sqrt(square);
-    }
-}
-
-/* The conditions of optimality: touching, a force along the normal, a minimum in time; returns the largest error. */
+/* The conditions of optimality: each contact is where its force points to, and closest then; returns the largest error. */
 static double conditions(const scene_t *scene, double errors[], uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
@@ -403,18 +362,15 @@ static double conditions(const scene_t *scene, double errors[], uint32_t *evalua
     deflect(scene, evaluations);
     for (uint32_t k = 0U; k < work->count; k++) {
         const cff_touch_t *touch = &work->touches[k];
-        const double *q = touch->position;
-        const double square = cfi_max(cfi_dot(q, q), 1e-300);
-        const double size = sqrt(cfi_max(cfi_dot(touch->normal, touch->normal), 1e-300)); /* of the force, see newton */
         double *error = &errors[4U * k];
-        error[0] = sqrt(square) - scene->aim;
-        for (uint32_t line = 0U; line < 2U; line++) {
-            const double *w = work->lines[k][line];
-            error[1U + line] = (cfi_dot(w, touch->force) - (cfi_dot(touch->force, q) * cfi_dot(w, q) / square)) / size;
+        double way[3] = {touch->force[0], touch->force[1], touch->force[2]};
+        make_unit(way);
+        for (uint32_t i = 0U; i < 3U; i++) {
+            error[i] = touch->position[i] - (scene->aim * way[i]);
+            largest = cfi_max(largest, fabs(error[i]));
         }
-        error[3] = cfi_dot(q, touch->rate) * (scene->end - scene->start);
-        largest = cfi_max(largest, fabs(error[0]));
-        largest = cfi_max(largest, 0.01 * cfi_max(fabs(error[1]), cfi_max(fabs(error[2]), 0.1 * fabs(error[3]))));
+        error[3] = cfi_dot(touch->position, touch->rate) * (scene->end - scene->start);
+        largest = cfi_max(largest, 1e-3 * fabs(error[3]));
     }
     return (largest <= FAR) ? largest : CFF_FOREVER; /* nan is far */
 }
@@ -423,7 +379,7 @@ static double conditions(const scene_t *scene, double errors[], uint32_t *evalua
 static double *unknown(const scene_t *scene, uint32_t j, double *size)
 {
     cff_touch_t *touch = &scene->work->touches[j / 4U];
-    *size = ((j % 4U) < 3U) ? sqrt(cfi_dot(touch->normal, touch->normal)) : (scene->end - scene->start);
+    *size = ((j % 4U) < 3U) ? touch->size : (scene->end - scene->start);
     return ((j % 4U) < 3U) ? &touch->force[j % 4U] : &touch->time_s;
 }
 
@@ -472,31 +428,20 @@ static bool newton(const scene_t *scene, uint32_t *evaluations)
     deflect(scene, evaluations);
     for (uint32_t turn = 0U; (turn < STEPS) && on && !settled; turn++) {
         for (uint32_t k = 0U; k < work->count; k++) {
-            cff_touch_t *touch = &work->touches[k];
-            across(touch->position, work->lines[k]);
-            for (uint32_t i = 0U; i < 3U; i++) {
-                touch->normal[i] = touch->force[i]; /* whose length scales the unknowns */
-            }
+            work->touches[k].size = cfi_max(sqrt(cfi_dot(work->touches[k].force, work->touches[k].force)), 1e-300);
         }
         const double error = conditions(scene, work->errors, evaluations);
         settled = (error < TOUCHING);
         on = (error < FAR) && (*evaluations > 0U) && (settled || newton_step(scene, evaluations));
     }
-    for (uint32_t k = 0U; k < work->count; k++) {
-        settled = settled && (cfi_dot(work->touches[k].force, work->touches[k].position) > 0.0);
-    }
     return settled;
 }
 
-/* Keep the deflected path if it is clear and the cheapest so far. */
-static bool accept(const scene_t *scene, cff_avoidance_t *found, cff_status_t *status, uint32_t *evaluations)
+/* Keep the deflected path, which is clear, if it is the cheapest so far. */
+static void accept(const scene_t *scene, double extra, cff_avoidance_t *found, cff_status_t *status)
 {
     const cff_avoid_work_t *work = scene->work;
-    const double extra = extra_energy(scene);
-    bool unused;
-    bool clear = (*status != CFF_OK) || (extra < found->extra_energy_m2_s3);
-    clear = clear && (extra >= 0.0) && (look(scene, false, &unused, evaluations) == 0.0);
-    if (clear) {
+    if ((extra >= 0.0) && ((*status != CFF_OK) || (extra < found->extra_energy_m2_s3))) {
         *status = CFF_OK;
         found->count = work->count + 1U;
         found->extra_energy_m2_s3 = extra;
@@ -510,39 +455,31 @@ static bool accept(const scene_t *scene, cff_avoidance_t *found, cff_status_t *s
             as_metres(&scene->zones[touch->obstacle], touch->force, found->contacts[k].force_m_s3);
         }
     }
-    return clear;
 }
 
-static void save_touches(cff_avoid_work_t *work, cff_touch_t to[], const cff_touch_t from[])
+static void copy_touches(cff_touch_t to[], const cff_touch_t from[], uint32_t count)
 {
-    for (uint32_t k = 0U; k < work->count; k++) {
+    for (uint32_t k = 0U; k < count; k++) {
         to[k] = from[k];
     }
 }
 
-/* Try to end a nearly clear round: by Newton's method, or by planes raised over the shortfall. */
-static bool finish(const scene_t *scene, double shortfall, cff_avoidance_t *found, cff_status_t *status, uint32_t *evaluations)
+/* Try to end a nearly clear round by Newton's method; else the touches are left as they were. */
+static bool finish(const scene_t *scene, cff_avoidance_t *found, cff_status_t *status, uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
-    save_touches(work, work->kept, work->touches);
+    bool unused;
+    copy_touches(work->kept, work->touches, work->count);
     bool done = newton(scene, evaluations);
-    done = done && (accept(scene, found, status, evaluations) || ((*status == CFF_OK) && (extra_energy(scene) >= found->extra_energy_m2_s3)));
-    double lift = 1.0;
-    double missing = shortfall;
-    bool on = !done;
-    for (uint32_t turn = 0U; (turn < RAISES) && on && (*evaluations > 0U); turn++) {
-        bool unused;
-        save_touches(work, work->touches, work->kept);
-        lift += (1.5 * missing) + 1e-11;
-        solve_multipliers(scene, lift, 0.0, evaluations);
-        missing = look(scene, false, &unused, evaluations);
-        on = (missing > 0.0) && (missing < NEARLY);
-        if (missing == 0.0) {
-            (void)accept(scene, found, status, evaluations);
-        }
-    }
-    if (!done) {
-        save_touches(work, work->touches, work->kept);
+    const double extra = extra_energy(scene);
+    const bool dear = (*status == CFF_OK) && (extra >= found->extra_energy_m2_s3);
+    if (done && !dear && (look(scene, false, &unused, evaluations) == 0.0)) {
+        accept(scene, extra, found, status);
+    } else if (!done || !dear) {
+        copy_touches(work->touches, work->kept, work->count);
+        done = false;
+    } else {
+        /* it ends dearer than another side */
     }
     return done;
 }
@@ -555,24 +492,29 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
     double least = CFF_FOREVER;
     double last = CFF_FOREVER;
     double share = 1.0;
+    double lift = 1.0;
     uint32_t latest = 0U;
     bool on = true;
     for (uint32_t turn = 0U; (turn < ROUNDS) && on && (*evaluations > CFF_LEAST_EVALUATIONS); turn++) {
         double moved = 0.0;
         bool fresh;
         sort_touches(work);
-        solve_multipliers(scene, 1.0, soft, evaluations);
+        solve_multipliers(scene, lift, soft, evaluations);
         soft *= FADE;
         const double extra = extra_energy(scene);
-        for (uint32_t k = 0U; k < work->count; k++) {
+        const uint32_t count = work->count;
+        const double shortfall = look(scene, true, &fresh, evaluations);
+        if (shortfall == 0.0) {
+            accept(scene, extra, found, status);
+        }
+        for (uint32_t k = 0U; k < count; k++) {
             if (cfi_dot(work->touches[k].force, work->touches[k].force) > 0.0) {
                 moved = cfi_max(moved, slide(scene, &work->touches[k], share, evaluations));
             }
         }
         share = (moved > (0.8 * last)) ? cfi_max(0.5 * share, SLOWEST) : share; /* touches swing */
         last = moved;
-        keep_pushing(scene);
-        const double shortfall = look(scene, true, &fresh, evaluations);
+        keep_pushing(scene, count);
         if (shortfall < cfi_max(least, NEARLY)) {
             least = shortfall;
             latest = turn;
@@ -582,7 +524,8 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
             on = (*status != CFF_OK) || (extra < (1.5 * found->extra_energy_m2_s3)); /* or another side is better */
             if (on && !fresh && (moved < CLOSE)) {
                 sort_touches(work);
-                on = !finish(scene, shortfall, found, status, evaluations);
+                on = !finish(scene, found, status, evaluations);
+                lift += (1.5 * shortfall) + 1e-11;
             }
         }
         if ((work->count >= CFF_MOST_CONTACTS) && (*status != CFF_OK)) {
@@ -592,46 +535,23 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
 }
 
 /* Set the touches to the direct path's conflicts, on the side of a ray; ray RAYS: the nearer side. */
-static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluations)
+static void choose_side(const scene_t *scene, uint32_t ray)
 {
-    static const double rays[RAYS][3] = {{1.0, 0.0, 0.0},  {DIAGONAL, DIAGONAL, 0.0},   {0.0, 1.0, 0.0},
-                                         {-1.0, 0.0, 0.0}, {-DIAGONAL, DIAGONAL, 0.0},  {0.0, -1.0, 0.0},
-                                         {0.0, 0.0, 1.0},  {-DIAGONAL, -DIAGONAL, 0.0}, {0.0, 0.0, -1.0},
-                                         {DIAGONAL, -DIAGONAL, 0.0}};
     cff_avoid_work_t *work = scene->work;
-    bool fresh;
-    work->count = 0U;
-    work->arc_count = 1U;
-    work->arcs[0] = scene->direct.arcs[0];
-    (void)look(scene, true, &fresh, evaluations);
-    sort_touches(work);
-    double lines[3][3] = {0};
+    work->count = work->first_count;
+    copy_touches(work->touches, work->first, work->count);
     for (uint32_t k = 0U; (k < work->count) && (ray < RAYS); k++) {
         cff_touch_t *touch = &work->touches[k];
-        double r[3];
-        double v[3];
-        double along = 0.0;
-        double d[3];
-        relative_at(scene, touch->obstacle, touch->time_s, r, v);
-        if (k == 0U) {
-            const double speed = sqrt(cfi_max(cfi_dot(v, v), 1e-300));
-            across(v, lines);
-            for (uint32_t i = 0U; i < 3U; i++) {
-                lines[2][i] = v[i] / speed;
+        for (uint32_t i = 0U; i < 3U; i++) {
+            const double sign = (((ray >> i) % 2U) == 0U) ? 1.0 : -1.0;
+            double way = sign * DIAGONAL;
+            if (ray >= 8U) {
+                way = ((ray - 8U) == i) ? 1.0 : 0.0;
+                way = ((ray - 11U) == i) ? -1.0 : way;
             }
+            touch->normal[i] = touch->position[i] + way;
         }
-        for (uint32_t i = 0U; i < 3U; i++) {
-            d[i] = (rays[ray][0] * lines[0][i]) + (rays[ray][1] * lines[1][i]) + (rays[ray][2] * lines[2][i]);
-            along += d[i] * r[i];
-        }
-        const double ahead = sqrt(cfi_max((1.0 - cfi_dot(r, r)) + (along * along), 0.0)) - along;
-        for (uint32_t i = 0U; i < 3U; i++) {
-            touch->normal[i] = r[i] + (ahead * d[i]);
-        }
-        const double norm = sqrt(cfi_max(cfi_dot(touch->normal, touch->normal), 1e-300));
-        for (uint32_t i = 0U; i < 3U; i++) {
-            touch->normal[i] /= norm;
-        }
+        make_unit(touch->normal);
     }
 }
 
@@ -639,9 +559,16 @@ static void choose_side(const scene_t *scene, uint32_t ray, uint32_t *evaluation
 static cff_status_t try_sides(const scene_t *scene, cff_avoidance_t *found, uint32_t *evaluations)
 {
     double costs[RAYS + 1U] = {0};
+    cff_avoid_work_t *work = scene->work;
     cff_status_t status = CFF_NO_PLAN;
+    bool unused;
+    (void)look(scene, true, &unused, evaluations);
+    sort_touches(work);
+    deflect(scene, evaluations); /* without a force: the positions of the direct path */
+    work->first_count = work->count;
+    copy_touches(work->first, work->touches, work->count);
     for (uint32_t ray = 0U; ray <= RAYS; ray++) {
-        choose_side(scene, ray, evaluations);
+        choose_side(scene, ray);
         solve_multipliers(scene, 1.0, SOFT, evaluations);
         costs[ray] = extra_energy(scene);
     }
@@ -652,7 +579,7 @@ static cff_status_t try_sides(const scene_t *scene, cff_avoidance_t *found, uint
         }
         if ((costs[best] < CFF_FOREVER) && (*evaluations > CFF_LEAST_EVALUATIONS)) {
             costs[best] = CFF_FOREVER;
-            choose_side(scene, best, evaluations);
+            choose_side(scene, best);
             relax(scene, found, &status, evaluations);
         }
     }
@@ -688,7 +615,7 @@ static bool ends_inside(const scene_t *scene)
             const double t = (end == 0U) ? scene->start : scene->end;
             double r[3];
             double v[3];
-            relative_at(scene, which, t, r, v);
+            relative_at(scene, &scene->direct, which, t, r, v);
             const bool there = (t >= obstacle->arcs[0].start_s) && (t <= obstacle->arcs[obstacle->count - 1U].end_s);
             inside = inside || (there && (cfi_norm(CFF_ELLIPSOID, r) <= AIM));
         }

@@ -141,6 +141,8 @@ double cfi_lower_bound(cff_shape_t shape, const cfi_piece_t *piece, double f[CFF
 /* cff_view.c */
 /* Cost of a view in evaluations of at most 800 instructions on LEON3: by Hill's equations and beside a table. */
 static inline uint32_t cfi_view_cost(const cff_path_t *path) { return (path->chief != NULL) ? 32U : 12U; }
+/* And of a state. */
+static inline uint32_t cfi_motion_cost(const cff_table_t *chief) { return (chief != NULL) ? 20U : 1U; }
 #define CFF_PIECE_EVALUATIONS 8U /* and of a piece */
 #define CFF_FINEST 1073741824.0   /* parts of a view: 2^30; a narrower piece is an instant */
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
