@@ -11,7 +11,8 @@ import numpy as np
 from random_pairs import chief
 
 import closeform as cf
-from closeform.flight.pairs import avoidance, bent
+from closeform.flight.motion import arcs_of
+from closeform.flight.pairs import avoidance
 
 OPTIONS = [a for a in sys.argv[1:] if not a.startswith("-")]
 COUNT, EACH = (int(a) for a in (*OPTIONS[:2], *("100", "1")[len(OPTIONS[:2]) :]))
@@ -51,7 +52,7 @@ def verdict_of(direct, met, zone, status, found, spent):
     spent["package"] += perf_counter() - since
     if status != "OK":
         return ("refused" if shaped.ok else "neither"), None
-    path = bent(direct, found)
+    path = arcs_of(direct.orbit, found.arcs, found.count)
     assert not any(cf.find_conflicts(path, o, zone) for o in met)
     assert np.abs(path.state(path.end) - direct.state(direct.end)).max() < 1e-6
     assert abs(path.energy - direct.energy - found.extra_energy_m2_s3) < 1e-8 * path.energy

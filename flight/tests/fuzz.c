@@ -22,7 +22,7 @@
 
 static const uint8_t *bytes;
 static size_t left;
-static unsigned long calls[6], good[6], most; /* of motion, conflicts, approaches, avoidance, losses, locks */
+static unsigned long calls[7], good[7], most; /* of motion, conflicts, approaches, avoidance, losses, locks, impulses */
 static uint64_t digest = 1469598103934665603U;
 
 static uint32_t byte(void)
@@ -301,6 +301,33 @@ static void try_loss(cff_path_t *one, cff_path_t *other, cff_arc_t its_arcs[], c
     }
 }
 
+/* The bound grows and stays below the delta-v. */
+static void try_impulses(const cff_table_t *chief, uint32_t budget)
+{
+    static cff_impulses_t plan, kept;
+    cff_state_t ends[2];
+    double bound = 0.0;
+    numbers(ends[0].position_m, 12, 100.0);
+    memset(&plan, 7, sizeof plan);
+    kept = plan;
+    cff_status_t status = cff_impulses_begin(&plan, chief, (byte() & 3U) ? fabs(number(2e-3)) : 0.0, number(100.0),
+                                             number(chief ? 100.0 : 5000.0), &ends[0], &ends[1]);
+    claim(status != CFF_BAD_INPUT || same(&plan, &kept, sizeof plan), "cff_impulses_begin wrote");
+    tally(6, status, 0U, 0U);
+    status = (status == CFF_OK) ? CFF_MORE : status;
+    for (int k = 0; (k < 4) && (status == CFF_MORE); k++) {
+        const uint32_t used = plan.evaluations_used;
+        status = cff_impulses_continue(&plan, budget);
+        if (status != CFF_BAD_INPUT) {
+            tally(6, status, plan.evaluations_used - used, budget + ONE_STEP);
+            claim(plan.lower_bound_m_s >= bound, "a bound went back");
+            claim(chief || !(plan.lower_bound_m_s > plan.delta_v_m_s * (1.0 + 1e-6)), "a bound is above the plan"); /* the fuzzer's tables are of no motion */
+            note(&plan.delta_v_m_s, 2U * sizeof(double));
+            bound = plan.lower_bound_m_s;
+        }
+    }
+}
+
 static void try_fleet(const cff_path_t *one, const cff_path_t *other, const cff_zone_t *zone, uint32_t budget)
 {
     static cff_conflict_search_t searches[2];
@@ -380,9 +407,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     const uint32_t budget = (byte() & 15U) ? 64U + byte() * 16U : byte();
     const uint32_t kind = (what >> 2) & 7U;
     const int poisoned = fill_table(&table);
-    const int good_table = cff_check_table(&table) == CFF_OK;
+    int good_table = cff_check_table(&table) == CFF_OK;
     claim(!(poisoned && good_table), "a table that is not finite is taken");
     note(&good_table, sizeof good_table);
+    static cff_circle_t room;
+    if (!good_table && (byte() & 1U)) {
+        good_table = cff_circular_table((byte() & 3U) ? fabs(number(2e-3)) : 0.0, number(1000.0), &room, &table) == CFF_OK;
+        claim(!good_table || cff_check_table(&table) == CFF_OK, "the table of a circle");
+        note(&good_table, sizeof good_table);
+    }
     const cff_table_t *chief = (good_table && ((what & 3U) == 0U || kind > 5U)) ? &table : NULL;
     fill_arcs(arcs[0], 3U, chief);
     fill_arcs(arcs[1], 3U, chief);
@@ -397,7 +430,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!chief && !(byte() & 15U)) {
         slide(&arcs[0][0], &arcs[1][0], &zone);
     }
-    if (kind == 0U) {
+    if (kind == 0U && (byte() & 1U)) {
+        try_impulses(chief, budget);
+    } else if (kind == 0U) {
         try_motion(&one);
     } else if (kind == 1U) {
         try_fleet(&one, &other, &zone, budget);
@@ -432,8 +467,8 @@ int main(int argc, char **argv)
         (void)LLVMFuzzerTestOneInput(data, sizeof data);
     }
     printf("%ld inputs; accepted calls of all: motion %lu of %lu, conflicts %lu of %lu, approaches %lu of %lu, avoidance %lu of %lu, "
-           "loss of thrust %lu of %lu, locks %lu of %lu; most evaluations of a call %lu; digest %016llx\n", (long)CASES, good[0], calls[0], good[1], calls[1], good[2],
-           calls[2], good[3], calls[3], good[4], calls[4], good[5], calls[5], most, (unsigned long long)digest);
+           "loss of thrust %lu of %lu, locks %lu of %lu, impulses %lu of %lu; most evaluations of a call %lu; digest %016llx\n", (long)CASES, good[0], calls[0], good[1], calls[1], good[2],
+           calls[2], good[3], calls[3], good[4], calls[4], good[5], calls[5], good[6], calls[6], most, (unsigned long long)digest);
     return 0;
 }
 #endif

@@ -6,7 +6,7 @@ that is not finite, a batch of spacecraft, paths in different orbits, half-space
 """
 
 from closeform.flight.library import build
-from closeform.flight.motion import coast, transfer
+from closeform.flight.motion import coast, impulsive, transfer
 from closeform.flight.pairs import avoid, closest_approach, find_conflicts, passively_safe
 from closeform.flight.search import lock_times
 from closeform.flight.table import table_bytes
@@ -17,6 +17,7 @@ __all__ = [
     "closest_approach",
     "coast",
     "find_conflicts",
+    "impulsive",
     "lock_times",
     "passively_safe",
     "table_bytes",

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, number
-from closeform.flight.library import check, core, doubles, filled, pointing
+from closeform.flight.library import check, complete, core, doubles, filled, pointing
 from closeform.flight.table import chief_of
+from closeform.motion.arc import WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
@@ -20,6 +21,12 @@ def path_of(path: Path, chief: Any) -> Any:
         raise ValueError(f"path: the flight core takes one spacecraft at a time, got shape {path.shape}")
     arcs = filled("cff_arc_t[]", path.arcs)
     return pointing(core().types.new("cff_path_t *", (arcs, len(path.arcs), chief)), arcs, chief)
+
+
+def arcs_of(orbit: Orbit, arcs: Any, count: int) -> Path:
+    """Return the path of the first arcs of the flight core."""
+    rows = doubles(arcs).reshape(-1, WIDTH)[:count]
+    return Path(orbit, rows, np.array([0, count]), ())
 
 
 def coast(orbit: Orbit, state: ArrayLike, duration: float, start: float = 0.0) -> Floats:
@@ -83,4 +90,42 @@ def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float
         check(functions.cff_transfer_beside(chief, *times, *ends, arc))
     else:
         check(functions.cff_transfer(orbit.mean_motion, *times, *ends, arc))
-    return Path(orbit, doubles(arc)[None], np.array([0, 1]), ())
+    return arcs_of(orbit, arc, 1)
+
+
+def planned_impulses(
+    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float
+) -> Any:
+    """Return the finished `cff_impulses_t *` of a transfer."""
+    types, functions = core()
+    plan, chief = types.new("cff_impulses_t *"), chief_of(orbit)
+    ends = [filled("cff_state_t *", finite(*end, 6)) for end in (("initial", initial), ("final", final))]
+    times = number("start", start), number("duration", duration)
+    check(functions.cff_impulses_begin(plan, chief, 0.0 if chief else orbit.mean_motion, *times, *ends))
+    complete(lambda budget: functions.cff_impulses_continue(plan, budget))
+    return plan
+
+
+def impulsive(
+    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float = 0.0
+) -> Path:
+    """Return the transfer of minimum delta-v by at most six impulses.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Orbit of any kind.
+    initial, final : array_like of shape (6,) [m, m/s]
+        States in the rotating frame.
+    duration : float [s]
+        Duration of the transfer.
+    start : float [s], default 0
+        Start time.
+
+    Returns
+    -------
+    Path
+        Path of one spacecraft, as `Orbit.impulsive` returns it, within 1e-6 of the minimum.
+    """
+    plan = planned_impulses(orbit, initial, final, duration, start)
+    return arcs_of(orbit, plan.arcs, plan.count)

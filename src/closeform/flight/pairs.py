@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.two_paths import Approach, Conflict, check_comparable
-from closeform.flight.library import check, complete, core, doubles
-from closeform.flight.motion import path_of
+from closeform.flight.library import check, complete, core
+from closeform.flight.motion import arcs_of, path_of
 from closeform.flight.table import chief_of
-from closeform.motion.arc import WIDTH
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
@@ -28,10 +27,10 @@ def zone_of(zone: Zone) -> Any:
     return core().types.new("cff_zone_t *", {"shape": zone.shape, "to_unit_per_m": zone.matrix.tolist()})
 
 
-def pair_of(path: Path, other: Path, zone: Zone, circular: bool = False) -> tuple[Any, Any, Any]:
-    """Return two paths and their zone as the flight core reads them; `circular` as in `chief_of`."""
+def pair_of(path: Path, other: Path, zone: Zone, span: float = 0.0) -> tuple[Any, Any, Any]:
+    """Return two paths and their zone as the flight core reads them; `span` as in `chief_of`."""
     check_comparable(path, other, zone)
-    chief = chief_of(path.orbit, circular)
+    chief = chief_of(path.orbit, span)
     return path_of(path, chief), path_of(other, chief), zone_of(zone)
 
 
@@ -122,12 +121,6 @@ def avoidance(
     return check(status, "NO_PLAN", "END_INSIDE", "CROWDED", "MORE"), found
 
 
-def bent(path: Path, found: Any) -> Path:
-    """Return the path of a `cff_avoidance_t *` that is OK."""
-    arcs = doubles(found.arcs)[: found.count * WIDTH].reshape(-1, WIDTH)
-    return Path(path.orbit, arcs, np.array([0, len(arcs)]), ())
-
-
 def avoid(
     path: Path, obstacles: Path | Sequence[Path], zone: Zone | Sequence[Zone]
 ) -> tuple[Path | None, str]:
@@ -154,13 +147,13 @@ def avoid(
     if len(others) != len(around):
         raise ValueError(f"zone: expected one for all or each of {len(others)} obstacles, got {len(around)}")
     status, found = avoidance(path, others, around)
-    return (bent(path, found) if status == "OK" else None), status
+    return (arcs_of(path.orbit, found.arcs, found.count) if status == "OK" else None), status
 
 
 def loss_of_thrust(path: Path, other: Path, zone: Zone, until: float) -> Any:
     """Return the `cff_drift_t *` that follows a loss of thrust at any instant of a path."""
     types, functions = core()
-    pair = pair_of(path, other, zone, circular=True)
+    pair = pair_of(path, other, zone, until - float(path.start))
     found = types.new("cff_drift_t *", {"certified_until_s": path.start})
     complete(
         lambda budget: functions.cff_loss_of_thrust(

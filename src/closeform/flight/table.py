@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.flight.library import core, pointing
-from closeform.motion.chief.kepler import KeplerChief
+from closeform.flight.library import check, core, pointing
 from closeform.motion.chief.table import COSTATE
 
 
@@ -33,12 +32,19 @@ def arrays_of(chief: Any) -> tuple[list[Any], list[Any]]:
     return numbers, [np.ascontiguousarray(array, dtype="<f8") for array in arrays]
 
 
-def chief_of(orbit: Any, circular: bool = False) -> Any:
-    """Return the `cff_table_t *` of an orbit: NULL for a circle, unless `circular`, and in deep space."""
-    types = core().types
+def chief_of(orbit: Any, span: float = 0.0) -> Any:
+    """Return the `cff_table_t *` of an orbit.
+
+    It is NULL, for Hill's equations, on a circular orbit and in deep space; with a span [s] of motion, the
+    table that the flight core makes for that.
+    """
+    types, functions = core()
     chief = getattr(orbit, "chief", None)
-    if chief is None and circular and orbit.mean_motion > 0.0:
-        chief = KeplerChief(orbit.mean_motion, 0.0, 0.0)
+    if chief is None and span > 0.0:
+        window = min(span, 0.78 / orbit.mean_motion) if orbit.mean_motion > 0.0 else span
+        room, table = types.new("cff_circle_t *"), types.new("cff_table_t *")
+        check(functions.cff_circular_table(orbit.mean_motion, window, room, table))
+        return pointing(table, room)
     if chief is None:
         return types.NULL
     numbers, arrays = arrays_of(chief)
