@@ -92,7 +92,7 @@ static bool price(cff_impulses_t *plan)
 }
 
 /* A first basis: along the axes at the start and at a later time, with the signs that the change needs. */
-static bool begin_basis(cff_impulses_t *plan)
+static bool begin_basis(cff_impulses_t *plan, uint32_t *evaluations)
 {
     const double length = plan->coast.end_s - plan->coast.start_s;
     bool good = false;
@@ -100,12 +100,11 @@ static bool begin_basis(cff_impulses_t *plan)
         double sizes[SIX];
         for (uint32_t k = 0U; k < SIX; k++) {
             cff_push_t *push = &plan->basis[k];
-            uint32_t unused = 0U;
             push->time_s = plan->coast.start_s + ((k < 3U) ? 0.0 : (length * (1.0 - (0.17 * (double)turn))));
             for (uint32_t i = 0U; i < 3U; i++) {
                 push->direction[i] = ((k % 3U) == i) ? 1.0 : 0.0;
             }
-            fill_push(plan, push, &unused);
+            fill_push(plan, push, evaluations);
         }
         good = share_of(plan, plan->change, sizes);
         for (uint32_t k = 0U; (k < SIX) && good; k++) {
@@ -390,10 +389,11 @@ static void write_arcs(cff_impulses_t *plan, const cff_impulse_t made[SIX], uint
 }
 
 /* Write the plan: with neighbours joined if that costs no more than the precision, else as the basis is. */
-static void write_plan(cff_impulses_t *plan)
+static void write_plan(cff_impulses_t *plan, uint32_t *evaluations)
 {
     const double near = NEAR * (plan->coast.end_s - plan->coast.start_s);
     cff_impulse_t made[SIX];
+    cfi_spend(evaluations, 24U * cfi_motion_cost(plan->chief));
     sort_basis(plan);
     uint32_t count = gather(plan, near, made);
     const double most = cfi_max(plan->cost_m_s, plan->lower_bound_m_s * (1.0 + GAP));
@@ -420,6 +420,7 @@ cff_status_t cff_impulses_begin(cff_impulses_t *plan, const cff_table_t *chief, 
         const cff_path_t path = {&arc, 1U, chief};
         cfi_motion_t m;
         cfi_motion_t unused;
+        uint32_t unpaid = 0U; /* the work of beginning has a bound */
         cfi_arc_motion(&path, 0U, arc.end_s, &m, &unused);
         plan->chief = chief;
         plan->coast = arc;
@@ -431,9 +432,9 @@ cff_status_t cff_impulses_begin(cff_impulses_t *plan, const cff_table_t *chief, 
         plan->lower_bound_m_s = 0.0;
         plan->evaluations_used = 0U;
         plan->finished = false;
-        if (begin_basis(plan)) {
+        if (begin_basis(plan, &unpaid)) {
             begin_scan(plan);
-            write_plan(plan);
+            write_plan(plan, &unpaid);
         } else {
             status = CFF_SINGULAR;
         }
@@ -466,7 +467,7 @@ cff_status_t cff_impulses_continue(cff_impulses_t *plan, uint32_t evaluations)
     while ((status == CFF_OK) && !plan->finished) { /* each turn costs evaluations */
         const double gap = (plan->cost_m_s - plan->lower_bound_m_s) / cfi_max(plan->cost_m_s, 1e-300);
         const double precision = cfi_min(cfi_max(SHARE * gap, FINEST), 1e-2);
-        if ((left < CFF_LEAST_EVALUATIONS) || !scan(plan, precision, &left)) {
+        if (!scan(plan, precision, &left) || (left < CFF_LEAST_EVALUATIONS)) {
             status = CFF_MORE;
         } else if (!improve(plan, precision, &left)) {
             status = CFF_SINGULAR;
@@ -475,7 +476,7 @@ cff_status_t cff_impulses_continue(cff_impulses_t *plan, uint32_t evaluations)
         }
     }
     if (begun) {
-        write_plan(plan);
+        write_plan(plan, &left);
         plan->evaluations_used += evaluations - left;
     }
     return status;

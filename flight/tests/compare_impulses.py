@@ -14,7 +14,8 @@ from closeform.flight.motion import chief_of
 from closeform.motion.arc import WIDTH
 
 COUNT = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-CHIEF = sys.argv[2] if len(sys.argv) > 2 else None
+OPTIONS = [a for a in sys.argv[2:] if not a.startswith("-")]
+CHIEF = OPTIONS[0] if OPTIONS else None
 BUDGET = 2_000  # evaluations of a call
 CALLS = 500
 
@@ -44,8 +45,7 @@ def main():
     for orbit in orbits:
         used, gaps, excess, ends_off, impulses, final = [], [], [], [], [], 0
         for k in range(COUNT):
-            period = 2 * np.pi / (orbit.mean_motion or 1e-3)
-            duration = float(rng.uniform(0.05, 2.5)) * period
+            duration = float(rng.uniform(0.05, 2.5)) * (orbit.period if CHIEF or orbit.mean_motion else 6000.0)
             ends = rng.normal(size=(2, 6)) * ([200.0] * 3 + [0.1] * 3)
             if k % 4 == 0:
                 ends[:, [2, 5]] = 0.0  # in plane
@@ -54,6 +54,8 @@ def main():
             path, cost, bound, evaluations, status = planned(orbit, ends, duration)
             least = float(orbit.impulsive(*ends, duration).delta_v)
             final += status == "OK"
+            if status != "OK" and "-v" in sys.argv:
+                print(k, cost / bound - 1.0, cost / least - 1.0, duration)
             used.append(evaluations)
             gaps.append(cost / bound - 1.0)
             excess.append(cost / least - 1.0)
