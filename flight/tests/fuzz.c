@@ -240,7 +240,7 @@ static void try_conflicts(const cff_path_t *one, const cff_path_t *other, const 
             const double until = search.certified_until_s;
             status = cff_conflicts_continue(&search, budget, conflicts, 3U, &count);
             tally(1, status, search.evaluations_used - used, budget + ONE_STEP);
-            claim(status == CFF_BAD_INPUT || search.certified_until_s >= until, "went back");
+            claim(status == CFF_BAD_INPUT || search.certified_until_s >= until, "conflicts went back");
             note(&search.certified_until_s, sizeof until);
             note(conflicts, count * sizeof conflicts[0]);
             count = (status == CFF_FULL) ? 0U : count;
