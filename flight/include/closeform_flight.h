@@ -212,6 +212,7 @@ typedef struct {
     double inverse[6][6];
     double matrix[16U * CFF_MOST_CONTACTS * CFF_MOST_CONTACTS];
     double right[4U * CFF_MOST_CONTACTS];
+    cff_conflict_search_t search;
     double columns[4U * CFF_MOST_CONTACTS];
     double errors[4U * CFF_MOST_CONTACTS];
     double nudged[4U * CFF_MOST_CONTACTS];
@@ -244,7 +245,7 @@ typedef struct {
     double change[6];         /* of the final state, that impulses make */
     cff_push_t basis[CFF_MOST_IMPULSES];
     double cost_m_s; /* of the basis */
-    double primer[6];
+    cff_arc_t primer; /* as a coast from its first value and rate on */
     cff_push_t peaks[CFF_MOST_PEAKS];
     uint32_t peak_count;
     double scanned_s; /* of the primer, and the piece of the next view */

@@ -327,10 +327,10 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
     for (uint32_t which = 0U; which < scene->obstacle_count; which++) {
         const cff_path_t *obstacle = &scene->obstacles[which];
         const cff_zone_t *zone = &scene->zones[which];
-        cff_conflict_search_t search;
+        cff_conflict_search_t *search = &scene->work->search;
         cff_conflict_t conflicts[CONFLICTS] = {0};
         uint32_t count = 0U;
-        const cff_status_t begun = cff_conflicts_begin(&search, &path, obstacle, zone);
+        const cff_status_t begun = cff_conflicts_begin(search, &path, obstacle, zone);
         if (begun == CFF_BAD_INPUT) {
             shortfall = CFF_FOREVER; /* the arcs became too short to join */
         } else if (begun == CFF_NO_COMMON_TIME) {
@@ -338,8 +338,8 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
         } else if (*evaluations < CFF_LEAST_EVALUATIONS) {
             shortfall = CFF_FOREVER;
         } else {
-            const cff_status_t status = cff_conflicts_continue(&search, *evaluations, conflicts, CONFLICTS, &count);
-            cfi_spend(evaluations, search.evaluations_used);
+            const cff_status_t status = cff_conflicts_continue(search, *evaluations, conflicts, CONFLICTS, &count);
+            cfi_spend(evaluations, search->evaluations_used);
             shortfall = (status == CFF_MORE) ? CFF_FOREVER : shortfall;
         }
         for (uint32_t k = 0U; (k < count) && (k < CONFLICTS); k++) {

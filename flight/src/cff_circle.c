@@ -12,86 +12,91 @@
 #define LONGEST 0.7853981633974483 /* rad of the orbit in a window: the series of views serve as far */
 #define ROUNDING 4.0e-15           /* of a coefficient, relative to the largest */
 
-/* The polynomial of a series; a bound of its error is added to `off`. */
-static void fit(const double powers[CFF_POWERS], double f[CFF_TERMS], double *off)
+/* The coefficients of a power of (r, v): of the next power of r for v. */
+static void coefficients(const cfi_start_t *s, uint32_t k, double out[6])
 {
-    double largest = 0.0;
-    cfi_from_powers(powers, f, off);
-    for (uint32_t b = 0U; b < CFF_TERMS; b++) {
-        largest = cfi_max(largest, fabs(f[b]));
+    for (uint32_t i = 0U; i < 3U; i++) {
+        out[i] = s->r[i];
+        out[i + 3U] = ((double)k + 1.0) * s->v[i];
     }
-    *off += ROUNDING * largest;
 }
 
-/* The coefficient of power k of component i of (r, v), from the series of r. */
-static double component(double r[3][CFF_POWERS], uint32_t i, uint32_t k)
+/* The motion that begins with column j at 1. */
+static cfi_start_t unit(uint32_t j)
 {
-    double value = 0.0;
-    if (i < 3U) {
-        value = r[i][k];
-    } else if ((k + 1U) < CFF_POWERS) {
-        value = ((double)k + 1.0) * r[i - 3U][k + 1U];
-    } else {
-        /* beyond the series */
-    }
-    return value;
+    cfi_start_t s = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}}};
+    double *const columns[5] = {s.r, s.v, s.u, s.w, s.push[0]};
+    columns[j / 3U][j % 3U] = 1.0;
+    return s;
 }
 
-/* The series of natural motion from unit state j on. */
-static void natural(double angle, uint32_t j, double r[3][CFF_POWERS])
+static void begin_all(double f[72])
 {
-    cfi_start_t start = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}}};
-    if (j < 3U) {
-        start.r[j] = 1.0;
-    } else {
-        start.v[j - 3U] = 1.0;
+    for (uint32_t k = 0U; k < 72U; k++) {
+        f[k] = 0.0;
     }
-    cfi_series(angle, &start, r);
+}
+
+/* End six polynomials; returns the largest error of the first `count`, with rounding. */
+static double end_all(double f[], double off[6], uint32_t count)
+{
+    double error = 0.0;
+    for (uint32_t i = 0U; i < 6U; i++) {
+        double least;
+        double most;
+        cfi_end_powers(&f[i * CFF_TERMS]);
+        cfi_hull(&f[i * CFF_TERMS], &least, &most);
+        off[i] += ROUNDING * cfi_max(-least, most);
+        error = (i < count) ? cfi_max(error, off[i]) : error;
+    }
+    return error;
 }
 
 /* The response to column j: its polynomials and their end. */
 static void respond(double angle, uint32_t j, cff_circle_t *room)
 {
-    cfi_start_t start = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}}};
-    double *const units[5] = {start.r, start.v, start.u, start.w, start.push[0]};
-    double r[3][CFF_POWERS];
-    units[j / 3U][j % 3U] = 1.0;
-    cfi_series(angle, &start, r);
-    room->errors[j] = 0.0;
-    for (uint32_t i = 0U; i < 6U; i++) {
-        double powers[CFF_POWERS];
-        double *f = &room->rows[(j * 72U) + (i * CFF_TERMS)];
-        double off = 0.0;
-        for (uint32_t k = 0U; k < CFF_POWERS; k++) {
-            powers[k] = component(r, i, k);
+    double *f = &room->rows[j * 72U];
+    double off[6] = {0};
+    cfi_start_t s = unit(j);
+    begin_all(f);
+    for (uint32_t k = 0U; k < CFF_POWERS; k++) {
+        double c[6];
+        coefficients(&s, k, c);
+        for (uint32_t i = 0U; i < 6U; i++) {
+            cfi_add_power(k, c[i], &f[i * CFF_TERMS], &off[i]);
         }
-        fit(powers, f, &off);
-        room->errors[j] = (i < 3U) ? cfi_max(room->errors[j], off) : room->errors[j];
-        room->steps[(i * CFF_COLUMNS) + j] = f[CFF_TERMS - 1U];
+        cfi_step(angle, k, &s);
+    }
+    room->errors[j] = end_all(f, off, 3U);
+    for (uint32_t i = 0U; i < 6U; i++) {
+        room->steps[(i * CFF_COLUMNS) + j] = f[(i * CFF_TERMS) + CFF_TERMS - 1U];
     }
 }
 
-/* The change of component i of the first state by column j of costate and push: integral of Phi(-s) B thrust(s). */
-static void give_back(double angle, uint32_t j, uint32_t i, cff_circle_t *room)
+/* The change of the first state by column j of costate and push: the integral of Phi(-s) B thrust(s). */
+static void give_back(double angle, uint32_t j, cff_circle_t *room)
 {
-    double sum[CFF_POWERS] = {0};
-    double thrust[3][CFF_POWERS] = {{0}};
-    if (j < PUSH) {
-        natural(angle, j - COSTATE, thrust);
-    } else {
-        thrust[j - PUSH][0] = 1.0;
-    }
+    double *f = &room->returns[(j - COSTATE) * 72U];
+    double off[6] = {0};
+    begin_all(f);
     for (uint32_t axis = 0U; axis < 3U; axis++) {
-        double r[3][CFF_POWERS];
-        natural(angle, 3U + axis, r);
-        for (uint32_t m = 0U; m < CFF_POWERS; m++) {
-            const double back = ((m % 2U) == 0U) ? component(r, i, m) : -component(r, i, m);
+        cfi_start_t back = unit(3U + axis);
+        for (uint32_t m = 0U; (m + 1U) < CFF_POWERS; m++) {
+            const double sign = ((m % 2U) == 0U) ? 1.0 : -1.0;
+            double c[6];
+            cfi_start_t thrust = unit((j < PUSH) ? (j - COSTATE) : j);
+            coefficients(&back, m, c);
             for (uint32_t k = 0U; (k + m + 1U) < CFF_POWERS; k++) {
-                sum[k + m + 1U] += back * thrust[axis][k] / ((double)k + (double)m + 1.0);
+                const double force = (j < PUSH) ? thrust.r[axis] : thrust.push[0][axis];
+                for (uint32_t i = 0U; i < 6U; i++) {
+                    cfi_add_power(k + m + 1U, sign * c[i] * force / ((double)k + (double)m + 1.0), &f[i * CFF_TERMS], &off[i]);
+                }
+                cfi_step(angle, k, &thrust);
             }
+            cfi_step(angle, m, &back);
         }
     }
-    fit(sum, &room->returns[((j - COSTATE) * 72U) + (i * CFF_TERMS)], &room->return_errors[j - COSTATE]);
+    room->return_errors[j - COSTATE] = end_all(f, off, 6U);
 }
 
 cff_status_t cff_circular_table(double mean_motion_rad_s, double window_s, cff_circle_t *room, cff_table_t *table)
@@ -107,10 +112,7 @@ cff_status_t cff_circular_table(double mean_motion_rad_s, double window_s, cff_c
             respond(angle, j, room);
         }
         for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
-            room->return_errors[j - COSTATE] = 0.0;
-            for (uint32_t i = 0U; i < 6U; i++) {
-                give_back(angle, j, i, room);
-            }
+            give_back(angle, j, room);
         }
         *table = made;
         status = CFF_OK;

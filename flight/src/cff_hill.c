@@ -231,37 +231,28 @@ static void follow(double angle, double k, const double now[3], const double nex
     after[2] = (force[2] - (angle * angle * now[2])) / kk;
 }
 
-static void shift(double now[3], double next[3], const double later[3])
-{
-    for (uint32_t i = 0U; i < 3U; i++) {
-        now[i] = next[i];
-        next[i] = later[i];
-    }
-}
-
-/* The power series of a motion in time over h, in which the orbit turns by `angle`. */
-void cfi_series(double angle, const cfi_start_t *start, double out[3][CFF_POWERS])
+/* Go on from power k to the next of the series of a motion over an angle. */
+void cfi_step(double angle, uint32_t k, cfi_start_t *s)
 {
     static const double nothing[3] = {0.0, 0.0, 0.0};
-    cfi_start_t s = *start;
-    for (uint32_t k = 0U; k < CFF_POWERS; k++) {
-        const double kk = ((double)k + 3.0) * ((double)k + 4.0);
-        double force[3];
-        double later[3];
-        for (uint32_t i = 0U; i < 3U; i++) {
-            out[i][k] = s.r[i];
-            force[i] = s.u[i] + s.push[0][i];
-        }
-        follow(angle, (double)k, s.r, s.v, force, later);
-        shift(s.r, s.v, later);
-        follow(angle, (double)k, s.u, s.w, nothing, later);
-        shift(s.u, s.w, later);
-        for (uint32_t i = 0U; i < 3U; i++) { /* beyond its rate a push turns with the orbit */
-            const double turned = -angle * angle * s.push[2][i] / kk;
-            s.push[0][i] = s.push[1][i];
-            s.push[1][i] = s.push[2][i];
-            s.push[2][i] = s.push[3][i];
-            s.push[3][i] = turned;
-        }
+    const double kk = ((double)k + 3.0) * ((double)k + 4.0);
+    double force[3];
+    double later[3];
+    double thrust[3];
+    for (uint32_t i = 0U; i < 3U; i++) {
+        force[i] = s->u[i] + s->push[0][i];
+    }
+    follow(angle, (double)k, s->r, s->v, force, later);
+    follow(angle, (double)k, s->u, s->w, nothing, thrust);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        s->r[i] = s->v[i];
+        s->v[i] = later[i];
+        s->u[i] = s->w[i];
+        s->w[i] = thrust[i];
+        const double turned = -angle * angle * s->push[2][i] / kk; /* beyond its rate a push turns with the orbit */
+        s->push[0][i] = s->push[1][i];
+        s->push[1][i] = s->push[2][i];
+        s->push[2][i] = s->push[3][i];
+        s->push[3][i] = turned;
     }
 }

@@ -74,19 +74,24 @@ static bool share_of(const cff_impulses_t *plan, const double change[SIX], doubl
 static bool price(cff_impulses_t *plan)
 {
     double sizes[SIX];
+    double primer[SIX];
     double matrix[SIX][SIX];
     double columns[SIX];
     bool good = share_of(plan, plan->change, sizes);
     double total = 0.0;
     for (uint32_t k = 0U; k < SIX; k++) {
-        plan->primer[k] = 1.0;
+        primer[k] = 1.0;
         for (uint32_t j = 0U; j < SIX; j++) {
             matrix[k][j] = plan->basis[k].along[j];
         }
         plan->basis[k].size_m_s = good ? cfi_max(sizes[k], 0.0) : 0.0;
         total += plan->basis[k].size_m_s;
     }
-    good = good && cfi_solve(&matrix[0][0], SIX, plan->primer, columns) && cfi_finite(plan->primer, SIX);
+    good = good && cfi_solve(&matrix[0][0], SIX, primer, columns) && cfi_finite(primer, SIX);
+    for (uint32_t i = 0U; i < 3U; i++) {
+        plan->primer.state.position_m[i] = primer[i];
+        plan->primer.state.velocity_m_s[i] = primer[i + 3U];
+    }
     plan->cost_m_s = good ? total : plan->cost_m_s;
     return good;
 }
@@ -199,23 +204,19 @@ static bool scan_view(cff_impulses_t *plan, const cfi_view_t *view, double preci
 /* Go on to look for where |p| is largest; false if the evaluations are spent before the end. */
 static bool scan(cff_impulses_t *plan, double precision, uint32_t *evaluations)
 {
-    cff_arc_t arc = plan->coast;
-    const cff_path_t path = {&arc, 1U, plan->chief};
+    const cff_path_t path = {&plan->primer, 1U, plan->chief};
+    const double end = plan->primer.end_s;
     cff_cursor_t place;
     bool on = true;
-    for (uint32_t i = 0U; i < 3U; i++) {
-        arc.state.position_m[i] = plan->primer[i];
-        arc.state.velocity_m_s[i] = plan->primer[i + 3U];
-    }
     cfi_begin_place(&path, &place, plan->scanned_s);
-    while (on && (plan->scanned_s < arc.end_s)) { /* each turn costs evaluations */
+    while (on && (plan->scanned_s < end)) { /* each turn costs evaluations */
         cfi_view_t view;
         cfi_spend(evaluations, cfi_view_cost(&path));
-        cfi_see(&path, &place, NULL, NULL, plan->scanned_s, arc.end_s, &METRES, &view);
+        cfi_see(&path, &place, NULL, NULL, plan->scanned_s, end, &METRES, &view);
         on = scan_view(plan, &view, precision, evaluations);
         if (on) {
             keep_peak(plan);
-            plan->scanned_s = (view.until_s > plan->scanned_s) ? view.until_s : arc.end_s;
+            plan->scanned_s = (view.until_s > plan->scanned_s) ? view.until_s : end;
         }
     }
     return on;
@@ -226,14 +227,11 @@ static bool enter(cff_impulses_t *plan, uint32_t peak, uint32_t *evaluations)
 {
     cff_push_t *push = &plan->peaks[peak];
     double shares[SIX];
-    double worth = 0.0;
     double step = CFF_FOREVER;
     uint32_t leaves = SIX;
     fill_push(plan, push, evaluations);
     cfi_spend(evaluations, SOLVE_EVALUATIONS);
-    for (uint32_t j = 0U; j < SIX; j++) {
-        worth += push->along[j] * plan->primer[j];
-    }
+    const double worth = cfi_dot(push->along, plan->primer.state.position_m) + cfi_dot(&push->along[3], plan->primer.state.velocity_m_s);
     bool good = (worth > (1.0 + FINEST)) && share_of(plan, push->change, shares);
     for (uint32_t k = 0U; (k < SIX) && good; k++) {
         const double size = plan->basis[k].size_m_s;
@@ -321,10 +319,17 @@ static double total_of(const cff_impulse_t made[SIX], uint32_t count)
     return total;
 }
 
+/* The change of the final state by a unit impulse along an axis. */
+static void effect_of(const cff_impulses_t *plan, double time, uint32_t axis, double effect[SIX])
+{
+    double unit[SIX] = {0};
+    unit[3U + axis] = 1.0;
+    coast(plan, unit, time, plan->coast.end_s, effect);
+}
+
 /* Change impulses as little as possible so that they make the change of state; false if they cannot. */
 static bool correct(const cff_impulses_t *plan, cff_impulse_t made[SIX], uint32_t count)
 {
-    double effects[SIX][3][SIX]; /* of the axes of each impulse */
     double normal[SIX][SIX] = {{0}};
     double rest[SIX];
     double columns[SIX];
@@ -334,10 +339,8 @@ static bool correct(const cff_impulses_t *plan, cff_impulse_t made[SIX], uint32_
     for (uint32_t k = 0U; k < count; k++) {
         const double size = sqrt(cfi_dot(made[k].delta_v_m_s, made[k].delta_v_m_s));
         for (uint32_t axis = 0U; axis < 3U; axis++) {
-            double unit[SIX] = {0};
-            double *effect = effects[k][axis];
-            unit[3U + axis] = 1.0;
-            coast(plan, unit, made[k].time_s, plan->coast.end_s, effect);
+            double effect[SIX];
+            effect_of(plan, made[k].time_s, axis, effect);
             for (uint32_t i = 0U; i < SIX; i++) {
                 rest[i] -= made[k].delta_v_m_s[axis] * effect[i];
                 for (uint32_t j = 0U; j < SIX; j++) {
@@ -350,8 +353,10 @@ static bool correct(const cff_impulses_t *plan, cff_impulse_t made[SIX], uint32_
     for (uint32_t k = 0U; (k < count) && good; k++) {
         const double size = sqrt(cfi_dot(made[k].delta_v_m_s, made[k].delta_v_m_s));
         for (uint32_t axis = 0U; axis < 3U; axis++) {
+            double effect[SIX];
+            effect_of(plan, made[k].time_s, axis, effect);
             for (uint32_t i = 0U; i < SIX; i++) {
-                made[k].delta_v_m_s[axis] += size * effects[k][axis][i] * rest[i];
+                made[k].delta_v_m_s[axis] += size * effect[i] * rest[i];
             }
         }
     }
@@ -393,7 +398,7 @@ static void write_plan(cff_impulses_t *plan, uint32_t *evaluations)
 {
     const double near = NEAR * (plan->coast.end_s - plan->coast.start_s);
     cff_impulse_t made[SIX];
-    cfi_spend(evaluations, 24U * cfi_motion_cost(plan->chief));
+    cfi_spend(evaluations, 42U * cfi_motion_cost(plan->chief));
     sort_basis(plan);
     uint32_t count = gather(plan, near, made);
     const double most = cfi_max(plan->cost_m_s, plan->lower_bound_m_s * (1.0 + GAP));
@@ -424,6 +429,7 @@ cff_status_t cff_impulses_begin(cff_impulses_t *plan, const cff_table_t *chief, 
         cfi_arc_motion(&path, 0U, arc.end_s, &m, &unused);
         plan->chief = chief;
         plan->coast = arc;
+        plan->primer = arc;
         for (uint32_t i = 0U; i < 3U; i++) {
             plan->change[i] = final->position_m[i] - m.r[i];
             plan->change[i + 3U] = final->velocity_m_s[i] - m.v[i];

@@ -32,7 +32,10 @@ typedef struct {
     double v[3];
 } cfi_motion_t;
 
-/* What fixes a motion: state, optimal thrust and its rate, and the first coefficients of the push, in units of a time. */
+/*
+ * A power of the series of a motion in time: the coefficients of position, optimal thrust and push, and of the next powers.
+ * The first are what fixes a motion, in units of a time.
+ */
 typedef struct {
     double r[3];
     double v[3];
@@ -86,7 +89,7 @@ void cfi_coast(double n, double t, const double p[3], const double r[3], const d
 void cfi_add_driven(double n, double t, const cfi_transforms_t *k, const double u[3], const double w[3],
                      cfi_motion_t *out);
 void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc_t *arc, cfi_motion_t *out);
-void cfi_series(double angle, const cfi_start_t *start, double out[3][CFF_POWERS]);
+void cfi_step(double angle, uint32_t k, cfi_start_t *s);
 
 /* cff_arc.c */
 bool cfi_finite(const double numbers[], uint32_t count);
@@ -126,7 +129,8 @@ void cfi_cut(const double f[CFF_TERMS], double low, double high, double out[CFF_
 void cfi_weights(double u, double weights[CFF_TERMS]);
 double cfi_value(const double f[CFF_TERMS], double u, double *slope);
 void cfi_square(const double c[3][CFF_TERMS], uint32_t axes, double f[CFF_SQUARE]);
-void cfi_from_powers(const double powers[CFF_POWERS], double f[CFF_TERMS], double *off);
+void cfi_add_power(uint32_t k, double power, double f[CFF_TERMS], double *off);
+void cfi_end_powers(double f[CFF_TERMS]);
 
 /* cff_zone.c */
 double cfi_norm(cff_shape_t shape, const double r[3]);
@@ -157,6 +161,11 @@ bool cfi_halve_piece(cfi_piece_t *piece);
 
 /* cff_conflicts.c */
 cff_status_t cfi_check_pair(const cff_path_t *one, const cff_path_t *other, const cff_zone_t *zone);
+
+/* cff_inside.c */
+bool cfi_close_conflict(cff_conflict_search_t *search, cff_conflict_t conflicts[], uint32_t capacity, uint32_t *count);
+bool cfi_search_view(cff_conflict_search_t *search, const cfi_view_t *view, cff_conflict_t conflicts[], uint32_t capacity,
+                     uint32_t *count, uint32_t *evaluations);
 
 /* cff_search.c */
 void cfi_cross(const double a[3], const double b[3], double out[3]);

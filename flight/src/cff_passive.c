@@ -51,9 +51,6 @@ static void see_drift(const drift_t *drift, double failure, cfi_view_t *view)
         double slope;
         columns[j] = ((j < COSTATE) ? cfi_value(drift->y[j], failure, &slope) : 0.0) - drift->its.columns[j];
     }
-    for (uint32_t i = 0U; i < 3U; i++) {
-        view->off[i] = 0.0;
-    }
     cfi_see_window(drift->other->chief, drift->at.window, columns, drift->zone, view);
     for (uint32_t i = 0U; i < 3U; i++) {
         cfi_cut(view->c[i], drift->low, drift->high, view->c[i]);

@@ -43,24 +43,29 @@ static const double FARTHEST[HIGHER] = {1.2e-7, 8.1e-7, 3.1e-6, 8.5e-6, 2.0e-5, 
 #define BEYOND 0.03 /* terms beyond u^18 for angles up to 1.5, relative to the last four terms */
 
 /*
- * The coefficients of a power series whose terms fall as those of relative motion over an angle of at most
- * 1.5 do; a bound of the error is added to `off`.
+ * Add power k of a series whose terms fall as those of relative motion over an angle of at most 1.5 do; a bound of the
+ * error is added to `off`.
  */
-void cfi_from_powers(const double powers[CFF_POWERS], double f[CFF_TERMS], double *off)
+void cfi_add_power(uint32_t k, double power, double f[CFF_TERMS], double *off)
+{
+    if (k < CFF_TERMS) {
+        f[k] += power;
+    } else {
+        const uint32_t m = k - CFF_TERMS;
+        for (uint32_t b = 0U; b < CFF_TERMS; b++) {
+            f[b] += NEAREST[m][b] * power;
+        }
+        *off += (FARTHEST[m] + ((m >= (HIGHER - 4U)) ? BEYOND : 0.0)) * fabs(power);
+    }
+}
+
+/* Replace coefficients of powers by those of Bernstein polynomials: sums of binomial shares, b_i = sum C(i, k) f_k. */
+void cfi_end_powers(double f[CFF_TERMS])
 {
     for (uint32_t k = 0U; k < CFF_TERMS; k++) {
-        f[k] = powers[k];
-        for (uint32_t m = 0U; m < HIGHER; m++) {
-            f[k] += NEAREST[m][k] * powers[CFF_TERMS + m];
-        }
         f[k] /= CHOOSE_11[k];
     }
-    for (uint32_t m = 0U; m < HIGHER; m++) {
-        const double size = fabs(powers[CFF_TERMS + m]);
-        *off += FARTHEST[m] * size;
-        *off += (m >= (HIGHER - 4U)) ? (BEYOND * size) : 0.0;
-    }
-    for (uint32_t turn = 0U; turn < DEGREE; turn++) { /* sums of binomial shares: b_i = sum C(i, k) f_k */
+    for (uint32_t turn = 0U; turn < DEGREE; turn++) {
         for (uint32_t k = DEGREE; k > turn; k--) {
             f[k] += f[k - 1U];
         }

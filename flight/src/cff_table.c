@@ -301,7 +301,7 @@ void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi
     }
 }
 
-/* Fill in the polynomials of a window, in zone units, of motion with these columns; adds to bounds of their errors. */
+/* Fill in the polynomials of a window, in zone units, of motion with these columns, and bounds of their errors. */
 void cfi_see_window(const cff_table_t *chief, uint32_t window, const double columns[CFF_COLUMNS], const cff_zone_t *zone,
                     cfi_view_t *view)
 {
@@ -328,6 +328,6 @@ void cfi_see_window(const cff_table_t *chief, uint32_t window, const double colu
     }
     for (uint32_t i = 0U; i < 3U; i++) {
         const double *m = zone->to_unit_per_m[i];
-        view->off[i] += off * ((fabs(m[0]) + fabs(m[1])) + fabs(m[2]));
+        view->off[i] = off * ((fabs(m[0]) + fabs(m[1])) + fabs(m[2]));
     }
 }

@@ -18,20 +18,19 @@
 static void see_hill(const cff_arc_t *a, const cff_arc_t *b, const cff_zone_t *zone, cfi_view_t *view)
 {
     cfi_start_t start = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}}};
-    double powers[3][CFF_POWERS];
+    const double angle = a->mean_motion_rad_s * view->length;
     cfi_add_start(a, view->from_s, view->length, 1.0, &start);
     if (b != NULL) {
         cfi_add_start(b, view->from_s, view->length, -1.0, &start);
     }
-    cfi_series(a->mean_motion_rad_s * view->length, &start, powers);
     for (uint32_t k = 0U; k < CFF_POWERS; k++) {
-        const double r[3] = {powers[0][k], powers[1][k], powers[2][k]};
         for (uint32_t i = 0U; i < 3U; i++) {
-            powers[i][k] = cfi_dot(zone->to_unit_per_m[i], r);
+            cfi_add_power(k, cfi_dot(zone->to_unit_per_m[i], start.r), view->c[i], &view->off[i]);
         }
+        cfi_step(angle, k, &start);
     }
     for (uint32_t i = 0U; i < 3U; i++) {
-        cfi_from_powers(powers[i], view->c[i], &view->off[i]);
+        cfi_end_powers(view->c[i]);
     }
 }
 
@@ -99,6 +98,9 @@ void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *othe
     view->from_s = t;
     for (uint32_t i = 0U; i < 3U; i++) {
         view->off[i] = 0.0;
+        for (uint32_t k = 0U; k < CFF_TERMS; k++) {
+            view->c[i][k] = 0.0;
+        }
     }
     if (view->chief != NULL) {
         double finish = cfi_window_end(view->chief, at_one);
