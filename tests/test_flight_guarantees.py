@@ -6,8 +6,9 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.flight.library import compiler, core
-from closeform.flight.motion import chief_of
-from closeform.flight.pairs import path_of, zone_of
+from closeform.flight.motion import path_of
+from closeform.flight.pairs import loss_of_thrust, zone_of
+from closeform.flight.table import chief_of
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
@@ -112,10 +113,7 @@ def test_slices_of_the_least_budget_find_the_same_conflicts_and_certify_ever_lon
         kept = [path_of(one, chief) for one in (own, *others)]
         zone, searches = zone_of(ZONE), types.new("cff_conflict_search_t[5]")
         for k in range(5):
-            assert (
-                functions.cff_conflicts_begin(searches + k, kept[0][0], kept[k + 1][0], zone)
-                == functions.CFF_OK
-            )
+            assert functions.cff_conflicts_begin(searches + k, kept[0], kept[k + 1], zone) == functions.CFF_OK
         rows, count, until = (
             types.new("cff_fleet_conflict_t[40]"),
             types.new("uint32_t *"),
@@ -162,19 +160,13 @@ def test_a_path_around_a_lingering_obstacle_is_clear_when_integrated():
 @pytest.mark.parametrize("orbit", [CIRCLE, ELLIPSE], ids=["circle", "ellipse"])
 def test_verdicts_on_loss_of_thrust_hold_for_integrated_drifts(orbit):
     rng = np.random.default_rng(9)
-    types, functions = core()
-    chief = chief_of(orbit, circular=True)
-    found, verdicts = types.new("cff_drift_t *"), []
+    functions, verdicts = core().functions, []
     for k in (0, 2, 4):
         until = 1.2 * orbit.period
         begin = [rng.normal() * 60.0, 250.0 + 80.0 * k, 60.0, 0, 0, 0]
         path = orbit.transfer(begin, [20.0, 70.0 + 80.0 * k, 30.0, 0, 0, 0.05], 1200.0)
         target = orbit.coast(np.zeros(6), until)
-        (one, _one), (two, _two) = path_of(path, chief), path_of(target, chief)
-        assert (
-            functions.cff_loss_of_thrust(one, two, zone_of(ZONE), 0.0, until, 10**7, found)
-            == functions.CFF_OK
-        )
+        found = loss_of_thrust(path, target, ZONE, until)
         verdicts.append(found.verdict)
         failures = np.linspace(0.0, 1200.0, 5) if found.verdict == functions.CFF_SAFE else [found.failure_s]
         for fails in failures:
@@ -188,19 +180,14 @@ def test_verdicts_on_loss_of_thrust_hold_for_integrated_drifts(orbit):
 
 
 def test_an_impulse_that_is_fired_in_part_leads_inside_between_two_clear_drifts():
-    types, functions = core()
-    chief = chief_of(CIRCLE, circular=True)
+    functions = core().functions
     first = CIRCLE.coast([-400.0, 44.0, 50.0, 4.0, 0.0, 0.0], 20.0)
     target = CIRCLE.coast(np.zeros(6), 300.0)
-    found, verdicts = types.new("cff_drift_t *"), []
+    verdicts = []
     for push in (0.1, -0.6, -1.25):
         after = first.state(20.0) + [0.0, 0.0, 0.0, 0.0, 0.0, push]
         path = cf.join([first, CIRCLE.coast(after, 20.0, start=20.0)])
-        (one, _one), (two, _two) = path_of(path, chief), path_of(target, chief)
-        assert (
-            functions.cff_loss_of_thrust(one, two, zone_of(ZONE), 0.0, 300.0, 10**6, found)
-            == functions.CFF_OK
-        )
+        found = loss_of_thrust(path, target, ZONE, 300.0)
         drifts = [
             CIRCLE.coast(first.state(20.0) + [0, 0, 0, 0, 0, share * push], 280.0, start=20.0)
             for share in np.linspace(0.0, 1.0, 41)
@@ -219,7 +206,7 @@ def test_thrust_is_that_of_the_package():
         CIRCLE.burn(np.zeros(6), [1e-3, -2e-3, 5e-4], 900.0, frame="inertial"),
         CIRCLE.transfer(np.zeros(6), [50.0, 20.0, 10.0, 0, 0, 0], 900.0),
     ):
-        one, _one = path_of(path, chief_of(CIRCLE))
+        one = path_of(path, chief_of(CIRCLE))
         for t in (0.0, 333.0, 900.0):
             assert functions.cff_thrust_at(one, t, out) == functions.CFF_OK
             assert list(out) == pytest.approx(path.thrust(t), rel=1e-9, abs=1e-15)
@@ -242,10 +229,10 @@ def test_bad_numbers_are_refused_and_leave_the_answer_unchanged():
             answers = search, near, found
             before = [bytes(types.buffer(one)) for one in answers]
             calls = [
-                functions.cff_conflicts_begin(search, broken[0], good[0], zone),
-                functions.cff_closest_approach(good[0], broken[0], zone, 0.0, 1000.0, 1000, near),
-                functions.cff_avoid(broken[1], good[0], zone, 1, 1000, work, found),
-                functions.cff_energy(broken[0], energy),
+                functions.cff_conflicts_begin(search, broken, good, zone),
+                functions.cff_closest_approach(good, broken, zone, 0.0, 1000.0, 1000, near),
+                functions.cff_avoid(broken.arcs, good, zone, 1, 1000, work, found),
+                functions.cff_energy(broken, energy),
             ]
             assert calls == [functions.CFF_BAD_INPUT] * 4, (bad, place)
             assert [bytes(types.buffer(one)) for one in answers] == before

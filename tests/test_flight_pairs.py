@@ -49,6 +49,14 @@ def test_motion_is_that_of_the_package():
         )
 
 
+def test_impulses_cost_what_those_of_the_package_cost():
+    for orbit, (ends, duration, start), _, _ in pairs(4, 16):
+        path = cf.flight.impulsive(orbit, *ends, duration, start)
+        least = orbit.impulsive(*ends, duration, start=start).delta_v
+        assert path.delta_v == pytest.approx(least, rel=1e-5)
+        assert path.state(path.end) == pytest.approx(ends[1], abs=1e-6)
+
+
 def test_conflicts_are_those_of_the_package():
     met = 0
     for _, (ends, duration, start), other, zone in pairs(3, 240):
@@ -116,7 +124,7 @@ def test_paths_around_obstacles_cost_what_those_of_the_package_cost():
 def test_verdicts_on_loss_of_thrust_are_those_of_the_package():
     rng, verdicts = np.random.default_rng(6), []
     for k in range(40):
-        orbit = ORBITS[1 + k % 3]
+        orbit = ORBITS[k % 4]
         start, goal = rng.normal(size=(2, 6)) * ([60.0, 120.0, 60.0] + [0.02] * 3)
         path = orbit.transfer(start, goal, 1500.0)
         other, zone = orbit.coast(np.zeros(6), 5500.0), ZONES[k // 4 % 4]

@@ -5,7 +5,7 @@ import pytest
 
 import closeform as cf
 from closeform.flight.library import BUDGET, check, compiler, core, filled
-from closeform.flight.search import legs_of
+from closeform.flight.search import legs_of, sensor_of
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 RATE, LIMIT = np.radians(0.25), np.radians(25.0)
@@ -96,7 +96,7 @@ def test_a_spent_budget_says_until_when_there_is_no_lock():
     types, functions = core()
     search = SEARCHES[3][0]
     legs, lock = legs_of(search), types.new("cff_lock_t *")
-    cone = types.new("cff_sensor_t *", (search.sensor.half_angle, search.sensor.offset, search.sensor.range))
+    cone = sensor_of(search.sensor)
     rng = np.random.default_rng(5)
     for state in rng.normal(size=(50, 6)) * ([300.0] * 3 + [0.1] * 3):
         whole = cf.lock_times(search, state[:3], state[3:])
@@ -125,7 +125,7 @@ def gathered_on_board(search, positions, velocities, first_burn):
     check(functions.cff_gathering_begin(gathering, count, first_burn))
     start, speed = positions.copy(), velocities.copy()  # the lines at time 0
     legs, lock = legs_of(search), types.new("cff_lock_t *")
-    cone = types.new("cff_sensor_t *", (search.sensor.half_angle, search.sensor.offset, search.sensor.range))
+    cone = sensor_of(search.sensor)
     rows, now, held = [], 0.0, set()
     while gathering.formed < count:
         nexts = []

@@ -91,16 +91,51 @@ int main(void)
     unsigned count = (unsigned)Frama_C_interval(0, 4);
     if (cff_conflicts_begin(&search, &a, &b, &zone) == CFF_OK) {
         (void)cff_conflicts_continue(&search, (unsigned)Frama_C_interval(0, 1000), conflicts, 4U, &count);
-        cff_approach_t near;
-        (void)cff_closest_approach(&a, &b, &zone, search.certified_until_s, search.end_s, (unsigned)Frama_C_interval(0, 1000), &near);
     }
 #endif
+#ifdef APPROACH
+    cff_approach_t near;
+    (void)cff_closest_approach(&a, &b, &zone, Frama_C_double_interval(-1e5, 1e5), Frama_C_double_interval(-1e5, 1e5),
+                               (unsigned)Frama_C_interval(0, 1000), &near);
+#endif
 #ifdef AVOID
-    (void)cff_avoid(&one[0], &b, &zone, 1U, (unsigned)Frama_C_interval(0, 100000), &work, &avoided);
+    const cff_path_t obstacles[2] = {a, b};
+    const cff_zone_t zones[2] = {zone, zone};
+    (void)cff_avoid(&one[0], obstacles, zones, (unsigned)Frama_C_interval(0, 2), (unsigned)Frama_C_interval(0, 100000), &work, &avoided);
 #endif
 #ifdef LOSS
     cff_drift_t drift;
     (void)cff_loss_of_thrust(&a, &b, &zone, 0.0, Frama_C_double_interval(0.0, 1e4), (unsigned)Frama_C_interval(0, 100000), &drift);
+#endif
+#ifdef SEARCH
+    static cff_leg_t legs[16];
+    cff_schedule_t schedule;
+    cff_attitude_t attitude;
+    cff_lock_t lock;
+    cff_state_t apart;
+    cff_sensor_t sensor;
+    unsigned legs_made = 0U;
+    fill(&schedule.half_angle_rad, 5, 10.0);
+    schedule.passes = (unsigned)Frama_C_interval(0, 3);
+    schedule.relaxed = (Frama_C_interval(0, 1) != 0);
+    fill(&sensor.half_angle_rad, 3, 1e3);
+    state(&apart);
+    (void)cff_basic_search(&schedule, legs, 16U, &legs_made);
+    (void)cff_modified_search(&schedule, legs, 16U, &legs_made);
+    (void)cff_attitude_at(legs, 16U, Frama_C_double_interval(0.0, 1e5), (cff_group_t)Frama_C_interval(0, 2), &attitude);
+    (void)cff_first_lock(legs, 16U, &sensor, &apart, Frama_C_double_interval(0.0, 1e5), (unsigned)Frama_C_interval(0, 1000), &lock);
+#endif
+#ifdef JOINS
+    static double velocities[CFF_MOST_CRAFT][3];
+    cff_gathering_t gathering;
+    cff_join_t join;
+    fill(&velocities[0][0], 3 * CFF_MOST_CRAFT, 1e2);
+    if (cff_gathering_begin(&gathering, (unsigned)Frama_C_interval(0, 100), (cff_first_burn_t)Frama_C_interval(0, 3)) == CFF_OK) {
+        for (int k = 0; k < Frama_C_interval(0, 1000); k++) {
+            (void)cff_gathering_lock(&gathering, Frama_C_double_interval(0.0, 1e6), (unsigned)Frama_C_interval(0, 100),
+                                     (unsigned)Frama_C_interval(0, 100), velocities, &join);
+        }
+    }
 #endif
     return 0;
 }

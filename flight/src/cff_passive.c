@@ -390,6 +390,7 @@ static bool can_judge(const cff_path_t *path, const cff_path_t *other, double fr
     const cff_table_t *chief = path->chief;
     return (chief != NULL) && (chief->returns != NULL) && (chief->return_errors != NULL) &&
            cfi_within_table(chief, from, until) && (from >= path->arcs[0].start_s) && (from >= other->arcs[0].start_s) &&
+           (from <= path->arcs[path->count - 1U].end_s) &&
            (until >= path->arcs[path->count - 1U].end_s) && (until <= other->arcs[other->count - 1U].end_s);
 }
 

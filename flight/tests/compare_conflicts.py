@@ -4,62 +4,58 @@ Usage: compare_conflicts.py GROUPS SIZE SEED [e] (e: eccentricity of the chief; 
 """
 
 import sys
-import time
+from time import perf_counter
 
 import numpy as np
 from random_pairs import groups
 
-from bridge import approaches, conflicts, library
 from closeform.conflicts.pair_rows import approaches_of, conflicts_of
+from closeform.flight.pairs import conflict_search, nearest, pair_of
 
 NUMBER, SIZE, SEED = (int(a) for a in (*sys.argv[1:4], *("80", "250", "1")[len(sys.argv) - 1 :]))
 CHIEF = sys.argv[4] if len(sys.argv) > 4 else None
 
 
+def off_surface(one, other, zone, k, times):
+    """Return how far the norm of pair `k` is from 1 at the times that are no ends of the paths."""
+    ends = max(one.start[k], other.start[k]), min(one.end[k], other.end[k])
+    inner = [t for t in times if ends[0] < t < ends[1]]
+    return [abs(float(zone.norm((one[k].state(t) - other[k].state(t))[:3])) - 1.0) for t in inner]
+
+
 def main():
-    lib = library()
     pairs = total = 0
-    worst = {"time": 0.0, "surface": 0.0, "surface_package": 0.0, "approach": 0.0}
-    differs, used, used_near, spent = [], [], [], {"package": 0.0, "library": 0.0}
+    worst = dict.fromkeys(("time", "surface", "surface_package", "approach"), 0.0)
+    differs, used, used_near = [], [], []
+    spent = {"package": 0.0, "library": 0.0}
     for _orbit, one, other, zone, label in groups(SEED, NUMBER, SIZE, CHIEF):
-        count = len(one.offsets) - 1
-        which = np.arange(count)
-        since = time.perf_counter()
+        which = np.arange(SIZE)
+        since = perf_counter()
         of, theirs = conflicts_of(one, other, zone, which, which)
-        of = of[:, 0]
-        spent["package"] += time.perf_counter() - since
-        since = time.perf_counter()
-        mine, evaluations, status = conflicts(lib, one, other, zone)
-        spent["library"] += time.perf_counter() - since
-        assert (status == 0).all(), (label, np.unique(status))
-        pairs, total = pairs + count, total + len(theirs)
-        here, there = (np.bincount(np.asarray(x, dtype=int), minlength=count) for x in (mine[:, 0], of))
-        bad = np.nonzero(here != there)[0]
-        differs += [(label, int(p), int(there[p]), int(here[p])) for p in bad]
-        x, y = theirs[~np.isin(of, bad)], mine[~np.isin(mine[:, 0], bad)]
-        if len(x):
-            pair = y[:, 0].astype(int)
-            worst["time"] = max(worst["time"], np.abs(x[:, :2] - y[:, 1:3]).max())
-            for name, times in (("surface", y[:, 1:3]), ("surface_package", x[:, :2])):
-                for column in times.T:
-                    inner = (column > np.maximum(one.start, other.start)[pair]) & (
-                        column < np.minimum(one.end, other.end)[pair]
-                    )
-                    gap = (one._at(pair, column) - other._at(pair, column))[inner, :3]
-                    if len(gap):
-                        worst[name] = max(worst[name], np.abs(zone.norm(gap) - 1.0).max())
-        used.append(evaluations[:, 0])
-        near, evaluations, status = approaches(lib, one, other, zone)
-        assert (status == 0).all(), (label, np.unique(status))
-        out = approaches_of(one, other, zone, which, which)
-        worst["approach"] = max(
-            worst["approach"], (np.abs(out[:, 1] - near[:, 1]) / np.maximum(out[:, 1], 1.0)).max()
-        )
-        used_near.append(evaluations)
+        near = approaches_of(one, other, zone, which, which)[:, 1]
+        spent["package"] += perf_counter() - since
+        pairs, total = pairs + SIZE, total + len(theirs)
+        for k in which:
+            pair = pair_of(one[int(k)], other[int(k)], zone)
+            since = perf_counter()
+            spans, search = conflict_search(*pair)
+            least = nearest(*pair, max(one.start[k], other.start[k]), min(one.end[k], other.end[k]))
+            spent["library"] += perf_counter() - since
+            used.append(search.evaluations_used)
+            used_near.append(least.evaluations_used)
+            worst["approach"] = max(worst["approach"], abs(least.ratio - near[k]) / max(near[k], 1.0))
+            expected = theirs[of[:, 0] == k, :2]
+            if len(spans) != len(expected):
+                differs.append((label, int(k), len(expected), len(spans)))
+                continue
+            worst["time"] = max([worst["time"], *np.abs(expected - np.reshape(spans, (-1, 2))).ravel()])
+            for name, times in (("surface", spans), ("surface_package", expected)):
+                off = off_surface(one, other, zone, int(k), np.ravel(times))
+                worst[name] = max([worst[name], *off])
     print(f"{pairs} pairs, {total} conflicts; counts differ in {len(differs)}: {differs[:5]}")
     print("largest differences:", {k: float(f"{v:.2g}") for k, v in worst.items()})
-    for name, v in (("conflicts", np.concatenate(used)), ("closest approach", np.concatenate(used_near))):
-        print(f"evaluations, {name}: mean {v.mean():.1f}, 99 % {np.percentile(v, 99):.0f}, most {v.max()}")
+    for name, v in (("conflicts", used), ("closest approach", used_near)):
+        print(f"evaluations, {name}: mean {np.mean(v):.1f}, 99 % {np.percentile(v, 99):.0f}, most {max(v)}")
     print("us per pair:", {k: round(1e6 * v / pairs, 2) for k, v in spent.items()})
 
 

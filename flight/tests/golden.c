@@ -7,7 +7,7 @@
  *
  * With -DDIGEST=n another digest is a failure.  With -DCFF_FREESTANDING it needs no library and prints nothing (see start_*.c).  To count instructions, the
  * work is repeated -DREPEAT=n times, and -DWORK=k leaves one kind of it: 1 conflicts, 2 closest approaches,
- * 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust; -DTABLE=0 leaves Hill's equations, 1 tables of chiefs.
+ * 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust, 7 plans of impulses; -DTABLE=0 leaves Hill's equations, 1 tables of chiefs.
  */
 #include "golden_vectors.h"
 
@@ -36,10 +36,12 @@ typedef struct {
     double energy;
     double attitude;
     double delta_v;
+    double bound; /* of a plan of impulses over the minimum, relative; and its cost */
+    double cost;
 } worst_t;
 
 static worst_t worst;
-static unsigned long used[7]; /* evaluations of each kind of work */
+static unsigned long used[8]; /* evaluations of each kind of work */
 static uint64_t digest = 1469598103934665603U;
 
 static void note(double x)
@@ -174,17 +176,70 @@ static int avoided(const golden_avoid_t *given, int *dearer)
     return bad;
 }
 
+/* The same path is refused if an obstacle is where it begins. */
+static int begins_inside(const golden_avoid_t *given)
+{
+    static cff_avoid_work_t work;
+    static cff_avoidance_t found;
+    cff_arc_t drift;
+    const cff_arc_t *direct = (const cff_arc_t *)(const void *)given->direct;
+    const cff_path_t obstacle = {&drift, 1U, golden_orbits[given->orbit].chief};
+    cff_zone_t zone;
+    zone.shape = CFF_ELLIPSOID;
+    for (int i = 0; i < 9; i++) {
+        zone.to_unit_per_m[i / 3][i % 3] = given->matrix[i];
+    }
+    drift = *direct;
+    drift.state.velocity_m_s[0] += 1.0;
+    for (int i = 0; i < 3; i++) {
+        drift.thrust_m_s2[i] = 0.0;
+        drift.thrust_rate_m_s3[i] = 0.0;
+    }
+    return cff_avoid(direct, &obstacle, &zone, 1U, AVOID_BUDGET, &work, &found) != CFF_END_INSIDE;
+}
+
+/* A plan of impulses, in slices of the budget; its bound is below the minimum and its cost above, both closely. */
+static int pushed(const golden_impulses_t *given)
+{
+    static cff_impulses_t plan;
+    const golden_orbit_t *orbit = &golden_orbits[given->orbit];
+    cff_status_t status = cff_impulses_begin(&plan, orbit->chief, orbit->mean_motion, given->start, given->duration,
+                                             (const cff_state_t *)(const void *)given->initial,
+                                             (const cff_state_t *)(const void *)given->final);
+    int bad = (status != CFF_OK);
+    for (int k = 0; (k < 1000) && (bad == 0); k++) {
+        status = cff_impulses_continue(&plan, 1000U);
+        if (status != CFF_MORE) {
+            break;
+        }
+    }
+    bad += (status != CFF_OK);
+    compare(&worst.bound, plan.lower_bound_m_s, given->least, given->least);
+    compare(&worst.cost, plan.delta_v_m_s, given->least, given->least);
+    used[7] += plan.evaluations_used;
+    return bad;
+}
+
 static int lost_thrust(const golden_loss_t *given)
 {
-    const cff_path_t path = path_of(given->orbit, &given->path, 1U);
-    const cff_path_t other = path_of(given->orbit, &given->other, 1U);
+    static cff_circle_t room;
+    const double n = golden_orbits[given->orbit].mean_motion;
+    cff_path_t path = path_of(given->orbit, &given->path, 1U);
+    cff_path_t other = path_of(given->orbit, &given->other, 1U);
+    cff_table_t circle;
     cff_zone_t zone;
     cff_drift_t found;
+    int bad = 0;
+    if (path.chief == NULL) { /* a circular orbit or deep space */
+        bad += cff_circular_table(n, (n > 0.0) ? (0.78 / n) : given->until, &room, &circle) != CFF_OK;
+        path.chief = &circle;
+        other.chief = &circle;
+    }
     zone.shape = given->shape;
     for (int i = 0; i < 9; i++) {
         zone.to_unit_per_m[i / 3][i % 3] = given->matrix[i];
     }
-    int bad = cff_loss_of_thrust(&path, &other, &zone, path.arcs[0].start_s, given->until, LOSS_BUDGET, &found) != CFF_OK;
+    bad += cff_loss_of_thrust(&path, &other, &zone, path.arcs[0].start_s, given->until, LOSS_BUDGET, &found) != CFF_OK;
     bad += ((found.verdict == CFF_SAFE) != (given->safe != 0));
     note(found.failure_s);
     used[6] += found.evaluations_used;
@@ -272,6 +327,10 @@ static int replay(void)
     }
     for (int p = 0; p < GOLDEN_AVOID_COUNT; p++) {
         bad += wanted(5, golden_avoid[p].orbit) ? avoided(&golden_avoid[p], &dearer) : 0;
+        bad += (WORK == 0) ? begins_inside(&golden_avoid[p]) : 0;
+    }
+    for (int p = 0; p < GOLDEN_IMPULSES_COUNT; p++) {
+        bad += wanted(7, golden_impulses[p].orbit) ? pushed(&golden_impulses[p]) : 0;
     }
     for (int p = 0; p < GOLDEN_LOSS_COUNT; p++) {
         bad += wanted(6, golden_loss[p].orbit) ? lost_thrust(&golden_loss[p]) : 0;
@@ -287,14 +346,16 @@ int main(void)
         bad += replay();
     }
     bad += (worst.time_s > 1e-8) + (worst.ratio > 1e-9) + (worst.length > 1e-9) + (worst.energy > 1e-8);
-    bad += (worst.attitude > 1e-12) + (worst.delta_v > 1e-12);
+    bad += (worst.attitude > 1e-12) + (worst.delta_v > 1e-12) + (worst.bound > 2e-6) + (worst.cost > 2e-6);
 #ifndef CFF_FREESTANDING
-    printf("%d pairs, %d transfers, %d avoidances, %d losses of thrust, %d locks, %d joins: %d bad\n", GOLDEN_PAIR_COUNT,
-           GOLDEN_TRANSFER_COUNT, GOLDEN_AVOID_COUNT, GOLDEN_LOSS_COUNT, GOLDEN_LOCK_COUNT, GOLDEN_JOIN_COUNT, bad);
-    printf("largest differences: time %.2g s, ratio %.2g, length %.2g, energy %.2g, attitude %.2g, delta-v %.2g m/s\n",
-           worst.time_s, worst.ratio, worst.length, worst.energy, worst.attitude, worst.delta_v);
-    printf("evaluations: conflicts %lu, closest approaches %lu, locks %lu, avoidances %lu, losses of thrust %lu\n", used[1],
-           used[2], used[4], used[5], used[6]);
+    printf("%d pairs, %d transfers, %d avoidances, %d plans of impulses, %d losses of thrust, %d locks, %d joins: %d bad\n",
+           GOLDEN_PAIR_COUNT, GOLDEN_TRANSFER_COUNT, GOLDEN_AVOID_COUNT, GOLDEN_IMPULSES_COUNT, GOLDEN_LOSS_COUNT,
+           GOLDEN_LOCK_COUNT, GOLDEN_JOIN_COUNT, bad);
+    printf("largest differences: time %.2g s, ratio %.2g, length %.2g, energy %.2g, attitude %.2g, delta-v %.2g m/s, "
+           "cost of impulses %.2g, their bound %.2g\n",
+           worst.time_s, worst.ratio, worst.length, worst.energy, worst.attitude, worst.delta_v, worst.cost, worst.bound);
+    printf("evaluations: conflicts %lu, closest approaches %lu, locks %lu, avoidances %lu, losses of thrust %lu, impulses %lu\n",
+           used[1], used[2], used[4], used[5], used[6], used[7]);
     printf("digest %016llx\n", (unsigned long long)digest);
 #endif
 #ifdef DIGEST

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 import closeform as cf
-from bridge import approaches, conflicts, library
+from closeform.flight.pairs import conflict_search, nearest, pair_of
 
 ROUNDS = int(sys.argv[1]) if len(sys.argv) > 1 else 60
 N = 1.1086e-3
@@ -27,9 +27,16 @@ def paths(genes, thrusting):
     return orbit.coast(begin, orbit.period)
 
 
+def evaluations(one, other, zone, closest):
+    """Return the evaluations of each pair, (SIZE,)."""
+    pairs = [pair_of(one[k], other[k], zone) for k in range(SIZE)]
+    found = [nearest(*pair, 0.0, one.end[0]) if closest else conflict_search(*pair)[1] for pair in pairs]
+    return np.array([each.evaluations_used for each in found])
+
+
 def main():
     """Print the most evaluations for each shape and kind of motion."""
-    lib, rng = library(), np.random.default_rng(2)
+    rng = np.random.default_rng(2)
     for name, zone in ZONES.items():
         for thrusting in (False, True):
             for closest in (False, True):
@@ -38,8 +45,7 @@ def main():
                 for _ in range(ROUNDS):
                     one = paths(genes, thrusting)
                     other = cf.Orbit(N).coast(np.zeros((SIZE, 6)), one.end)
-                    used = (approaches if closest else conflicts)(lib, one, other, zone)[1]
-                    used = used if closest else used[:, 0]
+                    used = evaluations(one, other, zone, closest)
                     most = max(most, int(used.max()))
                     best = genes[np.argsort(used)[-20:]]
                     step = 10.0 ** rng.uniform(-14.0, 0.0, (SIZE, 1))

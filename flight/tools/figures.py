@@ -40,6 +40,7 @@ WORK = [  # number in golden.c, cases, name
     (3, "transfer", "transfer, coast and energy"),
     (5, "avoid", "avoidance of one or two"),
     (6, "loss", "loss of thrust"),
+    (7, "impulses", "minimum delta-v"),
 ]
 MODELS = ("Hill", "table")
 

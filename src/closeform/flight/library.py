@@ -14,9 +14,11 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -25,7 +27,7 @@ from closeform.arrays import Floats
 
 PACKAGE = Path(__file__).parent
 OPTIONS = ["-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared"]
-BUDGET = 100_000  # evaluations of a call; a search that needs more is continued
+BUDGET = 100_000  # evaluations of a first call; each that continues it has twice as many
 
 
 def source_folder() -> Path:
@@ -44,23 +46,9 @@ def compiler() -> list[str] | None:
 
 
 def build() -> Path:
-    """Compile the flight core, unless that has been done already.
+    """Compile the flight core, unless that has been done already, and return the library in the user's cache.
 
-    The other functions of this module do so at their first call. It takes a second or two.
-
-    Returns
-    -------
-    path-like
-        The shared library, in the user's cache.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler, or it fails.
-
-    References
-    ----------
-    docs/on_board.md.
+    The other functions of this package do so at their first call, which takes a second or two.
     """
     folder = source_folder()
     sources = sorted(folder.glob("src/*.c"))
@@ -110,15 +98,21 @@ def core() -> Core:
     return Core(types, types.dlopen(str(build())))
 
 
+MEMORY: WeakKeyDictionary[Any, tuple[Any, ...]] = WeakKeyDictionary()  # what structures in C point at
+
+
+def pointing(structure: Any, *memory: Any) -> Any:
+    """Return a structure, which from now on keeps alive the memory that it points at."""
+    MEMORY[structure] = memory
+    return structure
+
+
 def filled(kind: str, values: Any) -> Any:
     """Return a structure of doubles, or an array of such, with given numbers."""
     types = core().types
     numbers = np.ascontiguousarray(values, dtype=float)
-    made = (
-        types.new(kind, numbers.size * numbers.itemsize // types.sizeof(kind[:-2]))
-        if kind.endswith("[]")
-        else types.new(kind)
-    )
+    many = (numbers.size * numbers.itemsize // types.sizeof(kind[:-2]),) if kind.endswith("[]") else ()
+    made = types.new(kind, *many)
     types.buffer(made)[:] = numbers.tobytes()
     return made
 
@@ -135,3 +129,10 @@ def check(status: int, *done: str) -> str:
     if name not in ("OK", *done):
         raise ValueError(f"the flight core refuses this with {name}; docs/on_board.md says what it takes")
     return name
+
+
+def complete(call: Callable[[int], int]) -> None:
+    """Call a function of the flight core, given a budget of evaluations, until its answer is complete."""
+    budget = BUDGET
+    while check(call(budget), "MORE", "FULL") != "OK":
+        budget = min(2 * budget, 2**32 - 1)

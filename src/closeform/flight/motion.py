@@ -1,42 +1,36 @@
-"""Motion by the flight core: coasts and transfers."""
+"""Paths as the flight core reads them, and its coasts and transfers."""
 
 from __future__ import annotations
 
-import ctypes
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, number
-from closeform.flight.library import check, core, doubles, filled
-from closeform.flight.table import packed
-from closeform.motion.chief.kepler import KeplerChief
+from closeform.flight.library import check, complete, core, doubles, filled, pointing
+from closeform.flight.table import chief_of
+from closeform.motion.arc import WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
 
-class Chief(NamedTuple):
-    """Pointer to the table of a chief, NULL beside a circular orbit, and what must live as long."""
+def path_of(path: Path, chief: Any) -> Any:
+    """Return the `cff_path_t *` of a path of one spacecraft beside a chief."""
+    if path.shape:
+        raise ValueError(f"path: the flight core takes one spacecraft at a time, got shape {path.shape}")
+    arcs = filled("cff_arc_t[]", path.arcs)
+    return pointing(core().types.new("cff_path_t *", (arcs, len(path.arcs), chief)), arcs, chief)
 
-    pointer: Any
-    table: Any
 
-
-def chief_of(orbit: Any, circular: bool = False) -> Chief:
-    """Return the chief of an orbit as the flight core reads it; with `circular` also that of a circle."""
-    types = core().types
-    chief = getattr(orbit, "chief", None)
-    if chief is None and circular and orbit.mean_motion > 0.0:
-        chief = KeplerChief(orbit.mean_motion, 0.0, 0.0)
-    if chief is None:
-        return Chief(types.NULL, None)
-    table = packed(chief)
-    return Chief(types.cast("cff_table_t *", ctypes.addressof(table)), table)
+def arcs_of(orbit: Orbit, arcs: Any, count: int) -> Path:
+    """Return the path of the first arcs of the flight core."""
+    rows = doubles(arcs).reshape(-1, WIDTH)[:count]
+    return Path(orbit, rows, np.array([0, count]), ())
 
 
 def coast(orbit: Orbit, state: ArrayLike, duration: float, start: float = 0.0) -> Floats:
-    """Return the state after natural motion, computed by the flight core.
+    """Return the state after natural motion.
 
     Parameters
     ----------
@@ -53,37 +47,23 @@ def coast(orbit: Orbit, state: ArrayLike, duration: float, start: float = 0.0) -
     -------
     array of shape (6,) [m, m/s]
         State at the end, in the rotating frame.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If a number is not finite, or the flight core does not accept it.
-
-    References
-    ----------
-    docs/on_board.md.
     """
     types, functions = core()
-    later = types.new("cff_state_t *")
-    given, times = (
-        filled("cff_state_t *", finite("state", state, 6)),
-        (number("start", start), number("duration", duration)),
-    )
+    later, given = types.new("cff_state_t *"), filled("cff_state_t *", finite("state", state, 6))
+    times = number("start", start), number("duration", duration)
     chief = chief_of(orbit)
-    if chief.table is None:
-        check(functions.cff_coast(orbit.mean_motion, times[1], given, later))
-    else:
+    if chief:
         arc = types.new("cff_arc_t *")
-        check(functions.cff_drift_beside(chief.pointer, *times, given, arc))
-        path = types.new("cff_path_t *", (arc, 1, chief.pointer))
+        check(functions.cff_drift_beside(chief, *times, given, arc))
+        path = types.new("cff_path_t *", (arc, 1, chief))
         check(functions.cff_state_at(path, arc.end_s, later))
+    else:
+        check(functions.cff_coast(orbit.mean_motion, times[1], given, later))
     return doubles(later)
 
 
 def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float = 0.0) -> Path:
-    """Return the transfer of minimum control energy, computed by the flight core.
+    """Return the transfer of minimum control energy (SP11 section 2).
 
     Parameters
     ----------
@@ -100,28 +80,52 @@ def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float
     -------
     Path
         Path of one spacecraft, as `Orbit.transfer` returns it.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If a number is not finite, or no unique thrust leads there.
-
-    References
-    ----------
-    docs/on_board.md; SP11 (Sauter and Palmer 2011) section 2.
     """
     types, functions = core()
     arc = types.new("cff_arc_t *")
-    ends = [
-        filled("cff_state_t *", finite(name, end, 6))
-        for name, end in (("initial", initial), ("final", final))
-    ]
+    ends = [filled("cff_state_t *", finite(*end, 6)) for end in (("initial", initial), ("final", final))]
     times = number("start", start), number("duration", duration)
     chief = chief_of(orbit)
-    if chief.table is None:
-        check(functions.cff_transfer(orbit.mean_motion, *times, *ends, arc))
+    if chief:
+        check(functions.cff_transfer_beside(chief, *times, *ends, arc))
     else:
-        check(functions.cff_transfer_beside(chief.pointer, *times, *ends, arc))
-    return Path(orbit, doubles(arc)[None], np.array([0, 1]), ())
+        check(functions.cff_transfer(orbit.mean_motion, *times, *ends, arc))
+    return arcs_of(orbit, arc, 1)
+
+
+def planned_impulses(
+    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float
+) -> Any:
+    """Return the finished `cff_impulses_t *` of a transfer."""
+    types, functions = core()
+    plan, chief = types.new("cff_impulses_t *"), chief_of(orbit)
+    ends = [filled("cff_state_t *", finite(*end, 6)) for end in (("initial", initial), ("final", final))]
+    times = number("start", start), number("duration", duration)
+    check(functions.cff_impulses_begin(plan, chief, 0.0 if chief else orbit.mean_motion, *times, *ends))
+    complete(lambda budget: functions.cff_impulses_continue(plan, budget))
+    return plan
+
+
+def impulsive(
+    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float = 0.0
+) -> Path:
+    """Return the transfer of minimum delta-v by at most six impulses.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Orbit of any kind.
+    initial, final : array_like of shape (6,) [m, m/s]
+        States in the rotating frame.
+    duration : float [s]
+        Duration of the transfer.
+    start : float [s], default 0
+        Start time.
+
+    Returns
+    -------
+    Path
+        Path of one spacecraft, as `Orbit.impulsive` returns it, within 1e-6 of the minimum.
+    """
+    plan = planned_impulses(orbit, initial, final, duration, start)
+    return arcs_of(orbit, plan.arcs, plan.count)

@@ -1,4 +1,7 @@
-"""Conflicts, closest approach, avoidance and passive safety by the flight core."""
+"""Conflicts, closest approach, avoidance and passive safety by the flight core.
+
+Beside each function of the package stands one that returns the structure in C, with the evaluations used.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.two_paths import Approach, Conflict, check_comparable
-from closeform.flight.library import BUDGET, check, core, doubles, filled
-from closeform.flight.motion import Chief, chief_of
-from closeform.motion.arc import WIDTH
+from closeform.flight.library import check, complete, core
+from closeform.flight.motion import arcs_of, path_of
+from closeform.flight.table import chief_of
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
@@ -19,21 +22,46 @@ AVOID_BUDGET = 4_000_000  # evaluations of an avoidance, which is not continued
 ROOM = 16  # conflicts in one call; more are found by the next
 
 
-def path_of(path: Path, chief: Chief) -> tuple[Any, Any]:
-    """Return a path of one spacecraft as the flight core reads it, and its arcs, which must live as long."""
-    if path.shape:
-        raise ValueError(f"path: the flight core takes one spacecraft at a time, got shape {path.shape}")
-    arcs = filled("cff_arc_t[]", path.arcs)
-    return core().types.new("cff_path_t *", (arcs, len(path.arcs), chief.pointer)), arcs
-
-
 def zone_of(zone: Zone) -> Any:
-    """Return a zone as the flight core reads it."""
+    """Return the `cff_zone_t *` of a zone."""
     return core().types.new("cff_zone_t *", {"shape": zone.shape, "to_unit_per_m": zone.matrix.tolist()})
 
 
+def pair_of(path: Path, other: Path, zone: Zone, span: float = 0.0) -> tuple[Any, Any, Any]:
+    """Return two paths and their zone as the flight core reads them; `span` as in `chief_of`."""
+    check_comparable(path, other, zone)
+    chief = chief_of(path.orbit, span)
+    return path_of(path, chief), path_of(other, chief), zone_of(zone)
+
+
+def conflict_search(one: Any, two: Any, zone: Any) -> tuple[list[tuple[float, float]], Any]:
+    """Return start and end of every conflict, and the finished `cff_conflict_search_t *`."""
+    types, functions = core()
+    search, count = types.new("cff_conflict_search_t *"), types.new("uint32_t *")
+    rows = types.new("cff_conflict_t[]", ROOM)
+    found: list[tuple[float, float]] = []
+
+    def more(budget: int) -> int:
+        count[0] = 0
+        status: int = functions.cff_conflicts_continue(search, budget, rows, ROOM, count)
+        found.extend((row.start_s, row.end_s) for row in rows[0 : count[0]])
+        return status
+
+    if check(functions.cff_conflicts_begin(search, one, two, zone), "NO_COMMON_TIME") == "OK":
+        complete(more)
+    return found, search
+
+
+def nearest(one: Any, two: Any, zone: Any, start: float, end: float) -> Any:
+    """Return the `cff_approach_t *` from `start` to `end`."""
+    approach = core().types.new("cff_approach_t *")
+    call = core().functions.cff_closest_approach
+    complete(lambda budget: call(one, two, zone, start, end, budget, approach))
+    return approach
+
+
 def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
-    """Return every conflict of two spacecraft, found by the flight core.
+    """Return every conflict of two spacecraft.
 
     Parameters
     ----------
@@ -46,49 +74,15 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
     -------
     tuple of Conflict
         Conflicts in order of time, as `closeform.find_conflicts` returns them.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If a path is a batch, the orbits differ, or the flight core does not know the kind of zone.
-
-    References
-    ----------
-    docs/on_board.md.
     """
-    check_comparable(path, other, zone)
-    types, functions = core()
-    chief = chief_of(path.orbit)
-    (one, _one), (two, _two), kept = path_of(path, chief), path_of(other, chief), zone_of(zone)
-    search, count = types.new("cff_conflict_search_t *"), types.new("uint32_t *")
-    rows = types.new("cff_conflict_t[]", ROOM)
-    found = []
-    status = check(functions.cff_conflicts_begin(search, one, two, kept), "NO_COMMON_TIME")
-    while status != "NO_COMMON_TIME":
-        count[0] = 0
-        status = check(functions.cff_conflicts_continue(search, BUDGET, rows, ROOM, count), "MORE", "FULL")
-        found += [(row.start_s, row.end_s) for row in rows[0 : count[0]]]
-        if status == "OK":
-            break
-    return tuple(Conflict(*span, *least(one, two, kept, *span)) for span in found)
-
-
-def least(one: Any, two: Any, zone: Any, start: float, end: float) -> tuple[float, float]:
-    """Return the time and the ratio of the closest approach from `start` to `end`."""
-    approach = core().types.new("cff_approach_t *")
-    budget, status = BUDGET, "MORE"
-    while status == "MORE":
-        status = check(
-            core().functions.cff_closest_approach(one, two, zone, start, end, budget, approach), "MORE"
-        )
-        budget *= 2
-    return approach.time_s, approach.ratio
+    pair = pair_of(path, other, zone)
+    spans, _ = conflict_search(*pair)
+    least = [nearest(*pair, *span) for span in spans]
+    return tuple(Conflict(*span, near.time_s, near.ratio) for span, near in zip(spans, least, strict=True))
 
 
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
-    """Return the closest approach of two spacecraft over their common time, found by the flight core.
+    """Return the closest approach of two spacecraft over their common time.
 
     Parameters
     ----------
@@ -101,33 +95,36 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     -------
     Approach
         Closest approach, as `closeform.closest_approach` returns it.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If a path is a batch, the orbits differ, or the flight core does not know the kind of zone.
-
-    References
-    ----------
-    docs/on_board.md.
     """
-    check_comparable(path, other, zone)
-    chief = chief_of(path.orbit)
-    (one, _one), (two, _two) = path_of(path, chief), path_of(other, chief)
+    pair = pair_of(path, other, zone)
     start, end = max(path.start, other.start), min(path.end, other.end)
     if end < start:
         return Approach(nan, inf, inf)
-    time, ratio = least(one, two, zone_of(zone), start, end)
-    apart = path.state(time)[:3] - other.state(time)[:3]
-    return Approach(time, ratio, float(np.linalg.norm(apart)))
+    near = nearest(*pair, start, end)
+    apart = path.state(near.time_s)[:3] - other.state(near.time_s)[:3]
+    return Approach(near.time_s, near.ratio, float(np.linalg.norm(apart)))
+
+
+def avoidance(
+    path: Path, obstacles: Sequence[Path], zones: Sequence[Zone], budget: int = AVOID_BUDGET
+) -> tuple[str, Any]:
+    """Return the status of a plan around obstacles, and its `cff_avoidance_t *`."""
+    types, functions = core()
+    for other, each in zip(obstacles, zones, strict=True):
+        check_comparable(path, other, each)
+    chief = chief_of(path.orbit)
+    direct, *others = [path_of(one, chief) for one in (path, *obstacles)]
+    paths = types.new("cff_path_t[]", [other[0] for other in others])
+    around = types.new("cff_zone_t[]", [zone_of(each)[0] for each in zones])
+    found, work = types.new("cff_avoidance_t *"), types.new("cff_avoid_work_t *")
+    status = functions.cff_avoid(direct.arcs, paths, around, len(others), budget, work, found)
+    return check(status, "NO_PLAN", "END_INSIDE", "CROWDED", "MORE"), found
 
 
 def avoid(
     path: Path, obstacles: Path | Sequence[Path], zone: Zone | Sequence[Zone]
 ) -> tuple[Path | None, str]:
-    """Return a path of minimum energy around obstacles, planned by the flight core.
+    """Return a path of minimum energy around obstacles.
 
     Parameters
     ----------
@@ -144,45 +141,37 @@ def avoid(
         Certified clear path; None if none was found.
     status : str
         "OK", or the reason: "NO_PLAN", "END_INSIDE", "CROWDED" or "MORE" (budget spent).
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If a path is a batch, the orbits differ, or the flight core does not take the paths or zones.
-
-    References
-    ----------
-    docs/on_board.md.
     """
-    types, functions = core()
     others = [obstacles] if isinstance(obstacles, Path) else list(obstacles)
     around = [zone] * len(others) if isinstance(zone, Zone) else list(zone)
     if len(others) != len(around):
         raise ValueError(f"zone: expected one for all or each of {len(others)} obstacles, got {len(around)}")
-    for other, each in zip(others, around, strict=True):
-        check_comparable(path, other, each)
-    chief = chief_of(path.orbit)
-    kept = [path_of(one, chief) for one in (path, *others)]
-    paths = types.new("cff_path_t[]", [pointer[0] for pointer, _ in kept[1:]])
-    zones = types.new("cff_zone_t[]", [zone_of(each)[0] for each in around])
-    found, work = types.new("cff_avoidance_t *"), types.new("cff_avoid_work_t *")
-    given = kept[0][1], paths, zones, len(others), AVOID_BUDGET, work, found
-    status = check(functions.cff_avoid(*given), "NO_PLAN", "END_INSIDE", "CROWDED", "MORE")
-    if status != "OK":
-        return None, status
-    arcs = doubles(found.arcs)[: found.count * WIDTH].reshape(-1, WIDTH)
-    return Path(path.orbit, arcs, np.array([0, len(arcs)]), ()), status
+    status, found = avoidance(path, others, around)
+    return (arcs_of(path.orbit, found.arcs, found.count) if status == "OK" else None), status
+
+
+def loss_of_thrust(path: Path, other: Path, zone: Zone, until: float) -> Any:
+    """Return the `cff_drift_t *` that follows a loss of thrust at any instant of a path."""
+    types, functions = core()
+    pair = pair_of(path, other, zone, until - float(path.start))
+    found = types.new("cff_drift_t *", {"certified_until_s": path.start})
+    complete(
+        lambda budget: functions.cff_loss_of_thrust(
+            *pair, found.certified_until_s, float(until), budget, found
+        )
+    )
+    return found
 
 
 def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
-    """Return True if a loss of thrust at any instant leads into no zone, as the flight core finds.
+    """Return True if a loss of thrust at any instant leads into no zone, which is certified.
+
+    False if one does, or leads so close that rounding decides.
 
     Parameters
     ----------
     path : Path
-        Path of one spacecraft, which fails.
+        Path of one spacecraft, which fails; with thrust of minimum energy or constant thrust.
     other : Path
         Path of the spacecraft that the zone is around, in the same orbit, until `until`.
     zone : Zone
@@ -193,30 +182,6 @@ def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
     Returns
     -------
     bool
-        True if no failure leads into the zone, which is certified. False if one does, or leads so close that
-        rounding decides.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If a path is a batch, the orbits differ, or the flight core does not take the paths or the zone: of
-        thrust, it takes that of minimum energy and constant thrust beside an orbit, not in deep space.
-
-    References
-    ----------
-    docs/on_board.md.
+        Whether it is safe.
     """
-    check_comparable(path, other, zone)
-    types, functions = core()
-    chief = chief_of(path.orbit, circular=True)
-    (one, _one), (two, _two), around = path_of(path, chief), path_of(other, chief), zone_of(zone)
-    found, since, status, budget = types.new("cff_drift_t *"), float(path.start), "MORE", BUDGET
-    while status == "MORE":
-        given = one, two, around, since, float(until), budget, found
-        status = check(functions.cff_loss_of_thrust(*given), "MORE")
-        if found.certified_until_s == since:
-            budget *= 2  # one window of failures needs more
-        since = found.certified_until_s
-    return bool(found.verdict == functions.CFF_SAFE)
+    return bool(loss_of_thrust(path, other, zone, until).verdict == core().functions.CFF_SAFE)

@@ -1,4 +1,4 @@
-"""Search of lost spacecraft by the flight core: turns, attitudes, first locks and joins."""
+"""Search of lost spacecraft by the flight core: legs and first locks."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, finite
-from closeform.flight.library import BUDGET, check, core, filled
+from closeform.flight.library import complete, core, filled
 from closeform.search.lock_times import Locks
 from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 
 
 def legs_of(search: Search) -> Any:
@@ -20,8 +21,26 @@ def legs_of(search: Search) -> Any:
     return filled("cff_leg_t[]", rows)
 
 
+def sensor_of(sensor: Sensor) -> Any:
+    """Return the `cff_sensor_t *` of a sensor."""
+    numbers = sensor.half_angle, sensor.offset, min(sensor.range, LARGEST)
+    return core().types.new("cff_sensor_t *", numbers)
+
+
+def first_lock(legs: Any, sensor: Any, state: Any) -> Any:
+    """Return the `cff_lock_t *` of a pair with this relative state, B minus A, at the start of the legs."""
+    types, functions = core()
+    pair, lock = filled("cff_state_t *", state), types.new("cff_lock_t *")
+    complete(
+        lambda budget: functions.cff_first_lock(
+            legs, len(legs), sensor, pair, lock.certified_until_s, budget, lock
+        )
+    )
+    return lock
+
+
 def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: ArrayLike) -> Locks:
-    """Return the first lock of each pair of a craft in group A and one in B, found by the flight core.
+    """Return the first lock of each pair of a craft in group A and one in B (H03 eqs. 1-2).
 
     Parameters
     ----------
@@ -36,34 +55,10 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
     -------
     Locks
         First locks of M pairs, as `closeform.lock_times` returns them.
-
-    Raises
-    ------
-    RuntimeError
-        If there is no C compiler or no cffi.
-    ValueError
-        If shapes do not match, a number is not finite, or two craft are at the same position.
-
-    References
-    ----------
-    docs/on_board.md; H03 (Hadaegh, Scharf and Ploen 2003) eqs. 1-2.
     """
-    types, functions = core()
     places = np.atleast_2d(finite("relative_position", relative_position, 3))
     speeds = np.atleast_2d(finite("relative_velocity", relative_velocity, 3))
-    states = np.hstack([places, speeds])
-    legs, lock = legs_of(search), types.new("cff_lock_t *")
-    sensor = types.new(
-        "cff_sensor_t *", (search.sensor.half_angle, search.sensor.offset, min(search.sensor.range, LARGEST))
-    )
-    times, found = np.full(len(states), nan), np.full(len(states), -1)
-    for k, state in enumerate(states):
-        pair, since, status = filled("cff_state_t *", state), 0.0, "MORE"
-        while status == "MORE":
-            status = check(
-                functions.cff_first_lock(legs, len(search.legs), sensor, pair, since, BUDGET, lock), "MORE"
-            )
-            since = lock.certified_until_s
-        if lock.leg >= 0:
-            times[k], found[k] = lock.time_s, lock.leg
-    return Locks(times, found)
+    legs, sensor = legs_of(search), sensor_of(search.sensor)
+    locks = [first_lock(legs, sensor, state) for state in np.hstack([places, speeds])]
+    times = [lock.time_s if lock.leg >= 0 else nan for lock in locks]
+    return Locks(np.array(times), np.array([lock.leg for lock in locks]))

@@ -1,58 +1,62 @@
-"""Table of a chief for the flight library: `cff_table_t` in C and as bytes.
+"""Table of a chief for the flight core: `cff_table_t` in C, and as bytes for upload.
 
-The library reads the rows of position and velocity, the steps of states (those of costates are the same), the
+The core reads the rows of position and velocity, the steps of states (those of costates are the same), the
 returns of passive safety, and the bounds of errors of `motion.chief.table.Table`.
 """
 
-import ctypes
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
 
+from closeform.flight.library import check, core, pointing
 from closeform.motion.chief.table import COSTATE
 
 
-class FlightTable(ctypes.Structure):
-    """A `cff_table_t` of closeform_flight.h; `kept` holds its arrays."""
+def arrays_of(chief: Any) -> tuple[list[Any], list[Any]]:
+    """Return rate, eccentricity, phase, turn and number of windows of a chief's table, and its arrays.
 
-    _fields_ = [
-        ("rate_rad_s", ctypes.c_double),
-        ("eccentricity", ctypes.c_double),
-        ("phase_rad", ctypes.c_double),
-        ("turn_rad", ctypes.c_double),
-        ("windows", ctypes.c_uint32),
-        ("joints_rad", ctypes.c_void_p),
-        ("rows", ctypes.c_void_p),
-        ("steps", ctypes.c_void_p),
-        ("errors", ctypes.c_void_p),
-        ("returns", ctypes.c_void_p),
-        ("return_errors", ctypes.c_void_p),
-    ]
-    kept: list[Any]
-
-
-def arrays_of(chief: Any) -> tuple[Any, float, int, list[Any]]:
-    """Return the clock (3,), turn, number of windows and arrays of a chief, in the order of `cff_table_t`."""
-    table = chief.table
-    steps = table.steps[:, :COSTATE]
-    arrays = (table.joints, table.rows, steps, table.errors, table.returns, table.return_errors)
-    contiguous = [np.ascontiguousarray(array, dtype="<f8") for array in arrays]
-    return table.clock, float(table.turn), len(table.rows), contiguous
-
-
-def packed(chief: Any) -> FlightTable:
-    """Return the table of a chief (`orbit.chief`) for calls of the library."""
-    clock, turn, windows, arrays = arrays_of(chief)
-    table = FlightTable(*map(float, clock), turn, windows, *(array.ctypes.data for array in arrays))
-    table.kept = arrays
-    return table
-
-
-def table_bytes(chief: Any) -> bytes:
-    """Return the table of a chief for upload: little-endian doubles, in the order of `cff_table_t`.
-
-    Rate, eccentricity, phase, turn and the number of windows come first, then the arrays.
+    Both are in the order of `cff_table_t`.
     """
-    clock, turn, windows, arrays = arrays_of(chief)
-    head = np.array([*clock, turn, windows], dtype="<f8")
-    return b"".join([head.tobytes(), *(array.tobytes() for array in arrays)])
+    table = chief.table
+    arrays = (
+        table.joints,
+        table.rows,
+        table.steps[:, :COSTATE],
+        table.errors,
+        table.returns,
+        table.return_errors,
+    )
+    numbers = [*map(float, table.clock), float(table.turn), len(table.rows)]
+    return numbers, [np.ascontiguousarray(array, dtype="<f8") for array in arrays]
+
+
+def chief_of(orbit: Any, span: float = 0.0) -> Any:
+    """Return the `cff_table_t *` of an orbit.
+
+    It is NULL, for Hill's equations, on a circular orbit and in deep space; with a span [s] of motion, the
+    table that the flight core makes for that.
+    """
+    types, functions = core()
+    chief = getattr(orbit, "chief", None)
+    if chief is None and span > 0.0:
+        window = min(span, 0.78 / orbit.mean_motion) if orbit.mean_motion > 0.0 else span
+        room, table = types.new("cff_circle_t *"), types.new("cff_table_t *")
+        check(functions.cff_circular_table(orbit.mean_motion, window, room, table))
+        return pointing(table, room)
+    if chief is None:
+        return types.NULL
+    numbers, arrays = arrays_of(chief)
+    memory = [types.from_buffer("double[]", array) for array in arrays]
+    return pointing(types.new("cff_table_t *", [*numbers, *memory]), memory)
+
+
+def table_bytes(orbit: Any) -> bytes:
+    """Return the table of an eccentric or J2-perturbed orbit for upload: little-endian doubles.
+
+    Rate, eccentricity, phase, turn and the number of windows come first, then the arrays of `cff_table_t` in
+    order; docs/on_board.md.
+    """
+    numbers, arrays = arrays_of(orbit.chief)
+    return b"".join(np.asarray(part, dtype="<f8").tobytes() for part in (numbers, *arrays))

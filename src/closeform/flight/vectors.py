@@ -48,6 +48,9 @@ typedef struct {{
     int orbit; unsigned obstacles; double direct[{WIDTH}], obstacle[2][{WIDTH}], matrix[9], energy, bound;
 }} golden_avoid_t;
 typedef struct {{
+    int orbit; double start, duration, initial[6], final[6], least;
+}} golden_impulses_t;
+typedef struct {{
     int orbit, safe; cff_shape_t shape; double path[{WIDTH}], other[{WIDTH}], matrix[9], until;
 }} golden_loss_t;
 typedef struct {{
@@ -131,6 +134,16 @@ def transfers(rng: np.random.Generator) -> Iterator[str]:
             yield f"{number}, {times}, {rows}, {float(path.energy).hex()}"
 
 
+def impulses(rng: np.random.Generator) -> Iterator[str]:
+    """Yield transfers by impulses with their minimum delta-v."""
+    for number, orbit in enumerate(orbits()):
+        for _ in range(4):
+            start, duration = rng.uniform(0.0, 500.0), rng.uniform(1000.0, 5000.0)
+            ends = rng.normal(size=(2, 6)) * ([100.0] * 3 + [0.1] * 3)
+            least = orbit.impulsive(*ends, duration, start=start).delta_v
+            yield f"{number}, {start.hex()}, {duration.hex()}, {row(ends[0])}, {row(ends[1])}, {float(least).hex()}"
+
+
 def avoidances(rng: np.random.Generator) -> Iterator[str]:
     """Yield transfers through one or two obstacles, with the energy of the path around them and its bound."""
     zone = Ellipsoid([20.0, 40.0, 20.0])
@@ -154,8 +167,8 @@ def avoidances(rng: np.random.Generator) -> Iterator[str]:
 
 
 def losses(rng: np.random.Generator) -> Iterator[str]:
-    """Yield paths beside a table with the verdict on a loss of thrust."""
-    for number, orbit in enumerate(orbits()[2:], 2):
+    """Yield paths with the verdict on a loss of thrust."""
+    for number, orbit in enumerate(orbits()):
         for zone in zones(rng) * 3:
             ends = rng.normal(size=(2, 6)) * ([60.0, 120.0, 60.0] + [0.02] * 3)
             path, other = orbit.transfer(*ends, 1500.0), orbit.coast(np.zeros(6), 5500.0)
@@ -173,6 +186,7 @@ def searches() -> list[tuple[Search, str]]:
         (Search.modified(wide, rate, limit), "0.0, 0.0, 0U, false}, 0"),
         (Search.basic(narrow, rate, limit), f"{(3.0 * np.pi).hex()}, 0.0, 2U, false}}, 1"),
         (relaxed, f"{(2.0 * np.pi).hex()}, 0.0, 1U, true}}, 1"),
+        (Search.modified(Sensor(110.0 * DEGREE, 5.0), rate, limit), "0.0, 0.0, 0U, false}, 0"),
     ]
 
 
@@ -219,7 +233,7 @@ def tables() -> Iterator[str]:
         if chief is None:
             named.append(f"{{NULL, {float(orbit.mean_motion).hex()}}}")
             continue
-        clock, turn, windows, arrays = arrays_of(chief)
+        numbers, arrays = arrays_of(chief)
         names = [
             f"golden_{name}_{number}"
             for name in ("joints", "rows", "steps", "errors", "returns", "return_errors")
@@ -228,8 +242,9 @@ def tables() -> Iterator[str]:
             f"static const double {name}[] = {row(one.ravel())};"
             for name, one in zip(names, arrays, strict=True)
         )
-        head = ", ".join(float(one).hex() for one in (*clock, turn))
-        yield f"static const cff_table_t golden_table_{number} = {{{head}, {windows}U, {', '.join(names)}}};"
+        head = ", ".join(one.hex() for one in numbers[:-1])
+        rest = ", ".join([f"{numbers[-1]}U", *names])
+        yield f"static const cff_table_t golden_table_{number} = {{{head}, {rest}}};"
         named.append(f"{{&golden_table_{number}, 0.0}}")
     yield f"static const golden_orbit_t golden_orbits[] = {{{', '.join(named)}}};"
 
@@ -255,6 +270,7 @@ def vectors() -> str:
         "pair": pairs(rng),
         "transfer": transfers(rng),
         "avoid": avoidances(rng),
+        "impulses": impulses(rng),
         "loss": losses(rng),
         "search": schedules(),
         "lock": locks(rng),
