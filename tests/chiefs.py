@@ -1,10 +1,13 @@
 """Truth for motion beside an eccentric chief: Kepler's motion in many digits, linear equations integrated."""
 
+from functools import cache
+
 import mpmath as mp
 import numpy as np
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from closeform.motion.chief.oblate_or_supplied import frames, gradient, gravity
 
 MU = cf.elements.EARTH_MU
 
@@ -104,3 +107,53 @@ def flown(orbit, state, times, thrust=None):
     return solve_ivp(
         rates, (times[0], times[-1]), state, method="DOP853", rtol=3e-14, atol=1e-14 * scale, t_eval=times
     ).y.T
+
+
+@cache
+def orbit_of(kind):
+    if kind == "J2":
+        return cf.Orbit.perturbed(
+            0.01, 1.1, perigee_altitude=600e3, argument_of_perigee=0.4, true_anomaly=0.7, span=20_000.0
+        )
+    return cf.Orbit.eccentric(kind, perigee_altitude=700e3, true_anomaly=2.0)
+
+
+def matrices_by_integration(orbit, times):
+    """Return the matrices (T, 6, 6) from the first of `times`, by DOP853."""
+    if not hasattr(orbit.chief, "j2"):
+        y = solve_ivp(
+            lambda time, y: (linear_matrix(orbit, time) @ y.reshape(6, 6)).ravel(),
+            (times[0], times[-1]),
+            np.eye(6).ravel(),
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+            t_eval=times,
+        ).y
+        return y.T.reshape(-1, 6, 6)
+    chief, bulge = orbit.chief, orbit.chief.j2 * orbit.chief.radius**2
+
+    def rates(_, y):
+        flow = y[6:].reshape(6, 6)
+        turned = gradient(y[:3], chief.mu, bulge) @ flow[:3]
+        return np.concatenate([y[3:6], gravity(y[:3], chief.mu, bulge), flow[3:].ravel(), turned.ravel()])
+
+    y0 = np.concatenate([chief.state, np.eye(6).ravel()])
+    atol = np.concatenate([[1e-6] * 3, [1e-9] * 3, np.full(36, 1e-12)])
+    span = 0.0, times[-1]
+    found = solve_ivp(rates, span, y0, method="DOP853", rtol=1e-12, atol=atol, t_eval=times).y.T
+    into = [frames(y[:6], chief.mu, bulge)[0] @ y[6:].reshape(6, 6) for y in found]
+    return np.array(into) @ np.linalg.inv(into[0])
+
+
+def with_impulses(path, times):
+    """Return the states (T, 6) under a path's impulses by integrated transition matrices."""
+    every = np.union1d(times, [time for time, _ in path.impulses])
+    flows = matrices_by_integration(path.orbit, every)
+    begun = path.state(path.start)
+    out = np.repeat(begun[None], len(every), axis=0)
+    for time, jump in path.impulses:
+        k = np.searchsorted(every, time)
+        if k:
+            out[k:] += np.linalg.inv(flows[k])[:, 3:] @ jump
+    return (flows @ out[:, :, None])[np.isin(every, times), :, 0]

@@ -126,12 +126,9 @@ class StageStart:
     def planned_drift(self, stage: Avoid | Joint) -> float | None:
         """Return the passive-safety horizon [s] after the plan; None if the planner does not consider it.
 
-        Passive safety of such a stage is only checked afterwards, as at minimum energy beside a chief that is
-        not on a circle.
+        Passive safety of such a stage is only checked afterwards.
         """
-        beside = isinstance(self.orbit, ChiefOrbit) and stage.cost == "energy"
-        planned = stage.plans_drift and stage.is_exact and not beside
-        if stage.drift is None or not planned:
+        if stage.drift is None or not (stage.plans_drift and stage.is_exact):
             return None
         return stage.drift.on(self.orbit.period) + self.room.after
 

@@ -12,7 +12,7 @@ from closeform.arrays import Floats, broadcast, finite
 from closeform.motion import effort
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
-from closeform.motion.chief.bernstein import TERMS, basis_at
+from closeform.motion.chief.bernstein import DEGREE, TERMS, basis_at
 from closeform.motion.chief.clock import angles_at, pace_at, times_at
 from closeform.motion.chief.impulses import primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
@@ -362,6 +362,29 @@ class ChiefOrbit(ReferenceOrbit):
             if count <= guess:
                 return rows[:count], firsts
             guess = count
+
+    def _bends(self, arcs: Floats) -> tuple[Floats, Floats]:
+        """Return bounds (A,) on acceleration [m/s^2] and jerk [m/s^3] of arcs (A, 30).
+
+        They are those of the coefficients of the velocity by the angle of the clock, and of its largest rate.
+        """
+        table, (rate, e, _) = self.chief.table, self.chief.table.clock
+        segments, firsts = self._segments(np.ascontiguousarray(arcs), np.arange(len(arcs) + 1))
+        k = segments[:, kernels.WINDOW].astype(int)
+        begin, end = segments[:, kernels.FIRST], segments[:, kernels.LAST]
+        slopes = rate * np.einsum("sj,sjib->sib", segments[:, kernels.COLUMN :], table.rows[k, :, 3:])
+        by_angle = []
+        for degree in (DEGREE, DEGREE - 1):
+            slopes = degree * np.diff(slopes, axis=2) / np.diff(table.joints)[k, None, None]
+            by_angle.append(np.linalg.norm(slopes, axis=1).max(axis=1))
+        past_perigee = np.floor(end / (2.0 * np.pi)) > np.floor(begin / (2.0 * np.pi))
+        nearest = np.where(past_perigee, 1.0, np.maximum(np.cos(begin), np.cos(end)))
+        pace = rate / (1.0 - e * nearest)  # bound of ds/dt
+        out = np.zeros((2, len(arcs)))
+        owners = np.repeat(np.arange(len(arcs)), np.diff(firsts))
+        np.maximum.at(out[0], owners, by_angle[0] * pace)
+        np.maximum.at(out[1], owners, by_angle[1] * pace**2 + by_angle[0] * e * pace**3 / rate)
+        return out[0], out[1]
 
     def _interpolates(self, arcs: Floats) -> Any:
         """Return False for arcs (M, 30): none is a cubic through samples."""

@@ -41,9 +41,6 @@ def avoid(
 ) -> Plan:
     """Plan the lowest-cost path found between the same states and times that stays out of every zone.
 
-    About a chief that is not on a circle passive safety is planned at minimum delta-v, and only verified at
-    minimum energy: a plan that is not safe is not returned.
-
     A path that is already clear is returned unchanged.  Every returned path is certified clear of the zones
     themselves.  If there is none, the status is the reason: a start or end inside a zone, or no clear path
     found.

@@ -94,8 +94,6 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
     Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
     `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
     """
-    if problem.drift is not None and problem.beside is not None:
-        return Outcome(None, (), nan, MARGINS[0], False, 0)  # planned for Hill's equations only
     if problem.drift is not None:
         from closeform.planning.passive.passive_search import PassiveSearch
 

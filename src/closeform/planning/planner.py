@@ -28,7 +28,7 @@ from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
 from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
-from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak, without_paths
+from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak
 from closeform.planning.problem.problem import Problem, Trajectories, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
@@ -58,43 +58,6 @@ def planned(request: Request) -> Plan:
 
 def attempt(request: Request, more: bool = False) -> Plan:
     """Return the plan for the slots and times of a request; with `more`, examine more candidates."""
-    plan = clear_plan(request, more)
-    unsafe = unsafe_pair(request, plan) if request.verifies_drift else None
-    if unsafe is None:
-        return plan
-    one, other = (request.names[k] for k in unsafe)
-    reason = (
-        f"a loss of thrust on the clear plan may bring {one} and {other} together, and passive safety is "
-        f'only verified at minimum energy in {request.orbit._model}: set cost "delta-v", which plans it, end '
-        "farther away, or reduce drift"
-    )
-    return replace(without_paths(plan, Status.NOT_FOUND, reason), blocked=unsafe)
-
-
-def unsafe_pair(request: Request, plan: Plan) -> tuple[int, int] | None:
-    """Return a pair of a plan that is not certified safe after a loss of thrust of one of its craft, or None.
-
-    The other craft follows its path, or coasts after it, until the end of `drift`.
-    """
-    if plan.paths is None or request.drift is None:
-        return None
-    # imported here, because only plans with a drift need its kernels
-    from closeform.safety.drift_approach import Failing, passively_safe
-
-    problem = request.problem()
-    until = problem.arrival + request.drift
-    own, others = plan.paths.extended(until), problem.obstacles
-    for (i, j), kind in zip(problem.pairs.tolist(), problem.kinds, strict=True):
-        planned = j < problem.count
-        met = own[j] if planned else others[j - problem.count]
-        failing: Failing = "either" if planned else "path"
-        if not passively_safe(own[i], met, problem.zones[kind], until, failing=failing):
-            return i, j
-    return None
-
-
-def clear_plan(request: Request, more: bool) -> Plan:
-    """Return the plan of `attempt` before passive safety is verified."""
     problem = request.problem()
     direct = problem.path(problem.direct)
     least = problem.energy(problem.direct)

@@ -49,8 +49,7 @@ def reconfigure(
     Parameters
     ----------
     orbit : Orbit or ChiefOrbit
-        Reference orbit; all states are in its rotating frame.  About a chief that is not on a circle
-        passive safety is planned at minimum delta-v, and only verified at minimum energy.
+        Reference orbit; all states are in its rotating frame.
     initial : array_like of shape (N, 6) [m, m/s]
         States at each spacecraft's `start`, in the rotating frame.  Before it the spacecraft coasts.
     final : array_like of shape (N, 6) [m, m/s]

@@ -35,7 +35,6 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
-from closeform.planning.requirements import NoThrust
 from closeform.planning.requirements.requirement import Requirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
@@ -135,7 +134,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(check_orbit(orbit, method, thrusters, requirements), obstacles)
+        batch = obstacle_batch(check_orbit(orbit, method, thrusters), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (
@@ -220,7 +219,7 @@ class Request:
             instance("thrusters", thrusters, Thrusters)
             if max_acceleration is not None:
                 raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
-        batch = obstacle_batch(check_orbit(path.orbit, method, thrusters, requirements), obstacles)
+        batch = obstacle_batch(check_orbit(path.orbit, method, thrusters), obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
         limits = None
@@ -310,11 +309,6 @@ class Request:
             known = self.obstacles.end[self.obstacles.end >= last].min(initial=known)
         return float(((known - (self.drift or 0.0) - self.starts) / self.durations).min())
 
-    @property
-    def verifies_drift(self) -> bool:
-        """True if passive safety is only verified: of minimum energy beside a chief not on a circle."""
-        return self.drift is not None and isinstance(self.orbit, ChiefOrbit) and self.cost == "energy"
-
     def problem(self) -> Problem:
         """Return the planning problem of this request: a new one each time with `drift` or errors."""
         return self._plain if self.drift is None and self.errors is None else self._new_problem()
@@ -325,8 +319,7 @@ class Request:
 
     def _new_problem(self) -> Problem:
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
-        drift = None if self.verifies_drift else self.drift
-        plain = Problem.of(self.direct, self.obstacles, zones, drift)
+        plain = Problem.of(self.direct, self.obstacles, zones, self.drift)
         plain = replace(plain, requirements=self.requirements) if self.requirements else plain
         return plain if self.errors is None else self.errors.problem(plain)
 
@@ -376,16 +369,14 @@ class Request:
         return replace(later, initial=(ahead @ self.initial[:, :, None])[..., 0]).cheapest()
 
 
-def check_orbit(orbit: Any, method: str, thrusters: Any, requirements: Any) -> Any:
+def check_orbit(orbit: Any, method: str, thrusters: Any) -> Any:
     """Return an orbit in which a plan is supported; raise ValueError with the alternative otherwise."""
     if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
         return orbit
-    sets = any(own is not None for own in _as_tuple(thrusters))
-    others = any(not isinstance(one, NoThrust) for own in _as_tuple(requirements) for one in _as_tuple(own))
+    inertial = any(getattr(own, "frame", "") == "inertial" for own in _as_tuple(thrusters))
     refused = {
         "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
-        "thrusters": (sets, "omit them, or give max_acceleration"),
-        "requirements": (others, "omit them, or give NoThrust alone"),
+        "thrusters: frame 'inertial'": (inertial, "fix them in the orbit's axes"),
     }
     for name, (asked, remedy) in refused.items():
         if asked:

@@ -14,7 +14,6 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import PairConflict
 from closeform.exchange.ccsds.conjunction import INERTIAL as FRAMES
 from closeform.exchange.ccsds.conjunction import Conjunction, ConjunctionObject
-from closeform.exchange.chief import Chief
 from closeform.exchange.common_frame import CommonFrame
 from closeform.exchange.ephemerides.covariance import axes, canonical
 from closeform.exchange.ephemerides.propagated_covariance import covariance_at
@@ -42,16 +41,16 @@ DESIGNATOR = re.compile(r"\d{4}-\d{3}[A-Z]{1,3}")  # international, as 1998-067A
 Message = tuple[str, Conjunction, tuple[str, ...]]  # name of its file, and comments
 
 
-def messages(source: Source) -> Iterator[Message]:
+def messages(source: Source, frame: FileFrame) -> Iterator[Message]:
     """Yield a conjunction message for each conflict of a run, before avoidance and after it.
+
+    States are inertial, as in the `frame`.
 
     Raises ValueError if there are no covariances or no conflicts.
     """
     scenario = source.scenario
     if scenario is None:
         raise ValueError("cdm: paths have no keep-out zones and covariances; export a run")
-    if source.beside:
-        raise ValueError(f"cdm: from Hill's equations only, not from {source.beside}; export an oem")
     known = {craft.name: craft.errors for craft in scenario.craft}
     found = [
         (stage, when, flight, met)
@@ -66,7 +65,7 @@ def messages(source: Source) -> Iterator[Message]:
         for name in pair:
             if known[name] is None:
                 raise ValueError(f"cdm: {name} has no covariance; give [craft] one, or export an oem")
-        yield message(source, known, stage, when, flight, met)
+        yield message(source, frame, known, stage, when, flight, met)
 
 
 def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
@@ -78,11 +77,16 @@ def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
 
 
 def message(
-    source: Source, known: Any, stage: Any, when: str, flight: WatchedFlight, met: PairConflict
+    source: Source,
+    frame: FileFrame,
+    known: Any,
+    stage: Any,
+    when: str,
+    flight: WatchedFlight,
+    met: PairConflict,
 ) -> Message:
     """Return the message of one conflict."""
-    chief, scenario = source.chief, source.scenario
-    assert chief is not None  # `file_frame` has checked it
+    scenario = source.scenario
     assert scenario is not None
     pair = (met.first, met.second)
     paths = [flight.path(name) for name in pair]
@@ -90,14 +94,14 @@ def message(
     time = nearest(lambda times: paths[0].position(times) - paths[1].position(times), met)
     bodies = [scenario.craft[scenario.names.index(name)].body_radius for name in pair]
     first, second = (
-        conjunction_object(chief, name, path, one.covariance(path, time), time, body)
+        conjunction_object(frame, name, path, one.covariance(path, time), time, body)
         for name, path, one, body in zip(pair, paths, errors, bodies, strict=True)
     )
     within = None if None in bodies else float(sum(body or 0.0 for body in bodies))
     chance = None if within is None else probability(paths, within, errors)
     identity = f"stage-{stage.number}-{when}-{met.first}-{met.second}-{met.start:.0f}s"
     conjunction = Conjunction(
-        tca=chief.instant.utc([time])[0].removesuffix("Z"),
+        tca=frame.utc(np.array([time]))[0].removesuffix("Z"),
         objects=(first, second),
         hard_body_radius=within,
         collision_probability=chance,
@@ -228,19 +232,17 @@ def nearest(between: Callable[[Floats], Floats], met: PairConflict) -> float:
 
 
 def conjunction_object(
-    chief: Chief, name: str, path: Path, covariance: Floats, time: float, body: float | None
+    frame: FileFrame, name: str, path: Path, covariance: Floats, time: float, body: float | None
 ) -> ConjunctionObject:
     """Return one object of a conjunction, with its inertial covariance along its own RTN axes."""
-    relative = path.state(time)
-    state = chief.inertial_from_relative(time, relative)
-    frame = FileFrame(chief.frame, chief.center, chief.instant, chief)
-    (inertial,) = frame.covariances(np.array([time]), relative[None], covariance[None])
+    at, relative = np.array([time]), path.state(time)[None]
+    (state,), (inertial,) = frame.states(at, relative), frame.covariances(at, relative, covariance[None])
     turn = np.kron(np.eye(2), axes("RTN", state))
     own = turn @ inertial @ turn.T
     return ConjunctionObject(
         name=name,
         designator=UNKNOWN,
-        frame=chief.frame,
+        frame=frame.name,
         state=state,
         covariance=0.5 * (own + own.T),
         radius=body,

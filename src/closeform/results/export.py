@@ -246,7 +246,7 @@ def write_cdm(made: Export, place: Folder) -> None:
     from closeform.exchange.ccsds.cdm import write_cdm
     from closeform.results.conjunction_messages import messages  # imported late: compiles kernels
 
-    found = list(messages(made.source))
+    found = list(messages(made.source, made.frame))
     names = file_names([name for name, _, _ in found])
     for name, (_, conjunction, comments) in zip(names, found, strict=True):
         write_cdm(place.path / f"{name}.cdm", conjunction, comments=comments)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -30,10 +31,11 @@ from closeform.zones.zone import Zone
 SOON = 100.0  # orbits of a drift without end that are searched directly
 FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 Failing = Literal["path", "other", "either", "both"]
+Losses = Callable[[Floats], tuple[Floats, Floats]]  # times (K,) of losses and states (K, 6) from places (K,)
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
-LOSSES = 200, *(21,) * 5  # instants of a loss of thrust beside any chief: over the path, then near the worst
-AMID = 33  # shares of an impulse after which thrust is lost
-CERTAIN = 0.999, 0.99, 0.9  # of the minimum found there: norms of which one is proven as a bound
+# Losses of thrust beside any chief, over a path and amid each impulse, then near the lowest MINIMA of them.
+LOSSES, MINIMA = (200, *(21,) * 5), 3
+CERTAIN, HALVINGS = 0.999, 8  # of the minimum found: bound that is proven, or else halvings to one that is
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,45 +200,71 @@ def _approach_beside_chief(
 def _after_loss(
     fails: Path, meets: Path, zone: Zone, end: float, around: bool
 ) -> tuple[float, float, float, float, float]:
-    """Return the worst loss of thrust: its time, that of the minimum norm, the norm, distance and a bound.
+    """Return `worst_loss`, and a bound that no loss at any instant goes below."""
+    at, time, ratio, distance = worst_loss(fails, meets, zone, end, around)
+    if at != at or ratio == np.inf:
+        return at, time, ratio, distance, ratio
 
-    The zone is around `meets`, or around `fails` if not `around`.  The instant of loss is refined between
-    samples; amid an impulse, shares of it are sampled.  The bound is the largest of some norms that no loss
-    at any instant goes below.
+    def clears(level: float) -> bool:
+        larger = Zone(zone.shape, zone.matrix / level, zone.faces)
+        return loss_of_thrust_is_safe(fails, meets, larger, end, around)
+
+    lower, above = 0.0 if zone.shape != FACES else -np.inf, CERTAIN * ratio
+    for level in (above, 1.0):
+        if max(lower, 0.0) < level < ratio and clears(level):
+            lower = level
+    for _ in range(HALVINGS if 0.0 < above > lower else 0):
+        level = 0.5 * (max(lower, 0.0) + above)
+        lower, above = (level, above) if clears(level) else (lower, level)
+    return at, time, ratio, distance, lower
+
+
+def worst_loss(
+    fails: Path,
+    meets: Path,
+    zone: Zone,
+    end: float,
+    around: bool,
+    counts: Sequence[int] = LOSSES,
+    minima: int = MINIMA,
+) -> tuple[float, float, float, float]:
+    """Return the time of the worst loss of thrust found, that of the minimum norm, the norm and the distance.
+
+    The zone is around `meets`, or around `fails` if not `around`.  Instants of a path and shares of each
+    impulse are sampled, then again near the lowest `minima`.  Without thrust the first time is nan.
     """
     thrusts = fails.arcs[:, THRUST:].any() or fails.arcs[:, IMPULSE : IMPULSE + 3].any()
     low, high = float(fails.start), min(float(fails.end), np.nextafter(end, -np.inf))
     worst = np.nan, np.nan, np.inf, np.inf
 
-    def examined(times: Floats, states: Floats) -> int:
+    def refine(counts: Sequence[int], low: float, high: float, losses: Losses, minima: int) -> None:
         nonlocal worst
+        places = np.linspace(low, high, counts[0])
+        times, states = losses(places)
         drifts = fails.orbit.coast(states, end - times, times)
         near = closest_approach(*((drifts, meets) if around else (meets, drifts)), zone)
         k = int(np.argmin(near.ratio))
         if near.ratio[k] < worst[2]:
             worst = times[k], near.time[k], near.ratio[k], near.distance[k]
-        return k
+        beside = np.pad(near.ratio, 1, constant_values=np.inf)
+        lowest = np.flatnonzero((near.ratio <= beside[:-2]) & (near.ratio <= beside[2:]))
+        for k in lowest[np.argsort(near.ratio[lowest])][: minima * (len(counts) > 1)]:
+            refine(counts[1:], places[max(k - 1, 0)], places[min(k + 1, counts[0] - 1)], losses, 1)
 
     for at, jump in fails.impulses:
         if at < end:
-            states = np.repeat(fails.state(at)[None], AMID, axis=0)
-            states[:, 3:] -= np.linspace(1.0, 0.0, AMID)[:, None] * jump
-            examined(np.full(AMID, at), states)
-    for count in LOSSES if thrusts else (1,):
-        times = np.linspace(low, high, count)
-        k = examined(times, fails.state(times))
-        low, high = times[max(k - 1, 0)], times[min(k + 1, count - 1)]
+            refine(counts, 0.0, 1.0, partial(amid_impulse, fails.state(at), jump, at), minima)
+    instants = counts if thrusts else (1,)
+    refine(instants, low, high, lambda times: (times, fails.state(times)), minima)
     at, time, ratio, distance = map(float, worst)
-    if not thrusts or ratio == np.inf:
-        return at if thrusts else np.nan, time, ratio, distance, ratio
-    levels = sorted(level for level in (1.0, *(share * ratio for share in CERTAIN)) if 0.0 < level < ratio)
-    lower = 0.0 if zone.shape != FACES else -np.inf
-    for level in levels[::-1]:
-        larger = Zone(zone.shape, zone.matrix / level, zone.faces)
-        if loss_of_thrust_is_safe(fails, meets, larger, end, around):
-            lower = level
-            break
-    return at, time, ratio, distance, lower
+    return at if thrusts else np.nan, time, ratio, distance
+
+
+def amid_impulse(after: Floats, jump: Floats, at: float, shares: Floats) -> tuple[Floats, Floats]:
+    """Return the times (K,) and states (K, 6) of losses of thrust after `shares` (K,) of an impulse."""
+    states = np.repeat(after[None], len(shares), axis=0)
+    states[:, 3:] -= (1.0 - shares)[:, None] * jump
+    return np.full(len(shares), at), states
 
 
 def drift_approach(
@@ -273,7 +301,7 @@ def drift_approach(
         during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
         or to that share of itself where it is above 1, unless failures with many unknowns need more
         cells than are searched; then the minimum lies between `lower` and `ratio`.  About a chief that is
-        not on a circle `lower` is mostly 0.1 % below the ratio.
+        not on a circle `lower` is mostly 0.1 % below the ratio; where it is lower, the minimum lies between.
 
     Raises
     ------

@@ -377,7 +377,7 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
     if scenario.orbit.model == "hill":
         return
     only = f'holds for model = "hill" only, not "{scenario.orbit.model}"'
-    tables = {"sensor": scenario.sensor, "search": scenario.search, "study": scenario.study}
+    tables = {"sensor": scenario.sensor, "search": scenario.search}
     for key, given in tables.items():
         if given is not None:
             yield f"{key}: {only}; remove it, or the model"
@@ -397,9 +397,6 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
                 yield f"{place}.{key}: a relative orbit {only}; give position and velocity"
         if getattr(stage, "follow", ()):
             yield f"{place}.follow: {only}; give burns"
-        if isinstance(stage, Avoid):
-            for key in set(stage.path_requirements) - {"no_thrust"}:
-                yield f"{place}.{key}: {only}; remove it"
         if (
             isinstance(stage, Avoid | Joint)
             and stage.cost == "delta-v"

@@ -24,7 +24,7 @@ WANTED = (
 )
 LAST, ESTIMATED = 6, 20.0  # coefficients at the end of a series, and the factor from these to what follows
 ROUNDS, CONVERGED = 40, 2e-15  # Picard's iterations of a window; a radian converges in twelve
-MOST = 512  # windows of a period
+FEWEST, MOST = 13, 512  # windows of a revolution at first, and of a period at most
 
 
 def tails_of(values: Floats) -> Floats:
@@ -86,7 +86,7 @@ class OblateChief:
     @cached_property
     def table(self) -> Table:
         """Table over the span."""
-        e, count = self.osculating.eccentricity, len(self.osculating.table.joints)
+        e, count = self.osculating.eccentricity, max(len(self.osculating.table.joints), FEWEST)
         clock = self.osculating.table.clock
         first, last = angles_at(clock, np.array(self.span))
         end = min(last, first + 2.0 * np.pi)  # a revolution tells how many windows are needed

@@ -31,12 +31,9 @@ from closeform.planning.delta_v.impulse_solver import (
     FEWER,
     FIRED,
     IDLE,
-    LAST,
     SMALL,
     SMALL_SHARE,
-    WIDEST,
     ImpulseSolver,
-    Program,
 )
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.problem.problem import Closest, Problem, Trajectories
@@ -53,7 +50,6 @@ THROTTLED = 0.1  # of a limit: a slot with less thrust is judged by itself, not 
 BESIDE = 0.1  # of a burn: length of the slots next to it
 TOUCHING = 1e-9  # of a craft's time: burns no further apart are merged
 FURTHER = 1e-5  # of a zone: distance by which planes move out so that fewer slots stay clear
-ALONE = 8  # rounds without keep-out zones
 ROOMY = 1.05  # duration of burns relative to full thrust, which leaves a reserve
 SHORT = 1e-4  # of a craft's time: shorter burns are as good as impulses
 
@@ -124,12 +120,7 @@ class BurnSolver(ImpulseSolver):
 
     def alone(self) -> Spent | None:
         """Return the unconstrained optimum on slots, with the bound of impulses; None without one."""
-        found = self.minimise(Program(Contacts.none(), self.grid), WIDEST, self.least, inf)
-        for _ in range(ALONE):
-            if found is None:
-                return None
-            program = Program(Contacts.none(), self.following(found))
-            found = self.minimise(program, LAST, self.least, inf)
+        found = super().alone()
         return found and replace(found, least=super().unconstrained().least)
 
     def tightened(self, safe: Spent) -> Spent | None:

@@ -291,8 +291,6 @@ def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
     """Return the cheapest safe plan of two impulses with waits; None without one or without `drift`."""
     if solver.failures is None or solver.limits.any() or solver.pushes.fixed.any():
         return None
-    if solver.problem.beside is not None:  # found by closed forms of Hill's equations
-        return None
     for times, impulses in islice(two_impulse_plans(solver.problem), HOPS):
         moments = [Moments.instants(own, np.zeros(2, dtype=np.int64)) for own in times]
         found = replace(solver.fired_at(moments, impulses, free), margin=AIM)

@@ -49,6 +49,7 @@ FINER = 0.2  # factor of the gap from round to round
 TURNING = 1e-3  # gap above which turning planes may still lower the cost below the bar
 WORTH = 1e-4  # of the cost: minimum saving for which another start is completed
 FOCUSING = 8  # maximum rounds with few times
+ALONE = 8  # rounds without keep-out zones
 STEPS = 60  # maximum rounds of short steps to a first plan
 ROUNDING = 1e-12  # of a bound
 BOUNDING = 4  # rounds of the bound of requirements
@@ -125,6 +126,14 @@ class ImpulseSolver:
         Raises ValueError for a craft whose thrusters cannot perform its transfer.
         """
         base = self.problem.base
+        if self.problem.beside is not None and self.pushes.fixed.any():
+            alone = self.alone()
+            if alone is None:
+                named = ", ".join(self.names[i] for i in np.flatnonzero(self.pushes.fixed))
+                raise ValueError(
+                    f"thrusters: {named}: no firing achieves the transfer; add thrusters, or allow more time"
+                )
+            return alone
         given = self.problem.orbit, base, self.finals, self.thrusters, self.names
         found = answers_alone(*given)
         tables = [row[FIRED_FROM:].reshape(-1, 4)[: int(row[COUNT])] for row in found]
@@ -144,6 +153,15 @@ class ImpulseSolver:
         return Spent(
             trajectories, spent, least, self.checked(trajectories, none), none, 1.0, fired, impulses, fired
         )
+
+    def alone(self) -> Spent | None:
+        """Return the optimum without keep-out zones among these moments; None without one."""
+        found = self.minimise(Program(Contacts.none(), self.grid), WIDEST, self.least, inf)
+        for _ in range(ALONE):
+            if found is None:
+                return None
+            found = self.minimise(Program(Contacts.none(), self.following(found)), LAST, self.least, inf)
+        return found
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
         """Return the cheapest clear paths found from a start; None without any well below `bar`."""

@@ -85,7 +85,7 @@ def resized(
     orbit, base, thrusters = solver.problem.orbit, solver.problem.base[i], solver.thrusters[i]
     assert thrusters is not None
     lasts = base[END] - base[START]
-    scale = np.repeat([orbit.mean_motion + 1.0 / lasts, 1.0], 3)[:, None]  # positions as velocities
+    scale = np.repeat([orbit._rate + 1.0 / lasts, 1.0], 3)[:, None]  # positions as velocities
     ends = scale * (orbit.transition(base[END] - own.times)[..., 3:] @ units[..., None])[..., 0].T
     wanted = scale[:, 0] * (solver.finals[i] - orbit.transition(lasts) @ base[STATE : STATE + 6])
     felt = (planes.first == i) | (planes.second == i)

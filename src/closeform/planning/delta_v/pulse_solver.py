@@ -159,7 +159,7 @@ class PulseSolver(ImpulseSolver):
         sizes = np.linalg.norm(impulses[: len(every.times)], axis=1)
         fired = np.flatnonzero(sizes)
         own, sizes = every.some(fired), sizes[fired]
-        units = np.array([orbit.mean_motion or 1.0 / (end - start)] * 3 + [1.0] * 3)
+        units = np.array([orbit._rate or 1.0 / (end - start)] * 3 + [1.0] * 3)
         for _ in range(REPAIRS):
             lengths = self.lengths(i, own.which, sizes)
             begins = self.begins(i, own, lengths)

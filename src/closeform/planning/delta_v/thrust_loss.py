@@ -102,10 +102,6 @@ class ImpulseFailures:
 
     def safe_paths(self, margin: float) -> Iterator[Contacts]:
         """Yield contacts of passively safe paths of minimum energy from random starts."""
-        if (
-            self.problem.beside is not None
-        ):  # paths of minimum energy are planned with a drift in Hill's equations
-            return
         search, known = PassiveSearch(self.problem, margin, None, False), np.empty(0)
         for number in range(MORE_STARTS + STARTS):
             if self.problem.effort.beyond(STARTING):
@@ -266,19 +262,22 @@ def lost_at(contacts: Contacts) -> Floats:
 def widened(orbit: Orbit, rows: Floats, brief: float) -> Floats:
     """Return arcs of one craft with impulses as burns of duration 2 `brief` about their times."""
     found: list[Floats] = []
-    for row in rows:
-        push, state, at = row[IMPULSE : IMPULSE + 3], row[STATE : STATE + 6], row[START]
+    fires = rows[:, IMPULSE : IMPULSE + 3].any(axis=1)
+    flows = iter(orbit.transition([-brief, brief], rows[fires, START, None]))
+    for row, burning in zip(rows, fires, strict=True):
         coast = row.copy()
-        if push.any():
+        if burning:
+            push, state, at = row[IMPULSE : IMPULSE + 3], row[STATE : STATE + 6], row[START]
+            back, ahead = next(flows)
             if found:
                 found[-1][END] = at - brief
-            before, burn = state - np.concatenate([np.zeros(3), push]), np.zeros(WIDTH)
+            burn = np.zeros(WIDTH)
             burn[[START, END, MEAN_MOTION]] = at - brief, at + brief, row[MEAN_MOTION]
-            burn[STATE : STATE + 6] = orbit.transition(-brief, at) @ before
+            burn[STATE : STATE + 6] = back @ (state - np.concatenate([np.zeros(3), push]))
             burn[PUSH : PUSH + 3] = push / (2.0 * brief)
             coast[IMPULSE : IMPULSE + 3] = 0.0
             coast[START], coast[END] = at + brief, max(row[END], at + brief)
-            coast[STATE : STATE + 6] = orbit.transition(brief, at) @ state
+            coast[STATE : STATE + 6] = ahead @ state
             found.append(burn)
         found.append(coast)
     return np.array(found)

@@ -20,7 +20,7 @@ def shared(solver: ImpulseSolver, free: Spent) -> Spent | None:
     for own, given, some, thrusters in zip(every, free.impulses, fired, solver.thrusters, strict=True):
         given = given[some]
         if thrusters is not None:
-            among = allotted(own, given, thrusters, solver.problem.orbit.mean_motion)
+            among = allotted(own, given, thrusters, solver.problem.orbit._rate)
             if among is None:
                 return None
             own, given = among

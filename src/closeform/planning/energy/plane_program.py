@@ -1,32 +1,30 @@
-"""Convex program of the planes for failed craft: minimum energy, and the resulting paths."""
+"""Convex program of the planes for failed craft: minimum energy."""
 
 from math import inf
-from typing import Any
 
 import numpy as np
 from numba import float64
 
 from closeform._jit import kernel
-from closeform.arrays import Floats
-from closeform.kernel_loans import borrowed, stack_matrix
+from closeform.kernel_loans import stack_matrix
 from closeform.planning.energy.quadratic_program import solve_qp
-from closeform.planning.problem.deflection import deflect, fill_factors, fill_gram, room_for
+from closeform.planning.problem.deflection import fill_factors, fill_gram
 from closeform.planning.problem.relative_motion import motion_after
-from closeform.planning.problem.scene import CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
+from closeform.planning.problem.scene import CONTACTS, SCENE
 
 ALONE, TOGETHER = 1e5, 30.0  # maximum displacement in zones by one plane, and by all
 
 
-@kernel(float64(SCENE, CONTACTS, float64, float64, float64, float64, ROWS, INDICES))
-def press(scene, contacts, lift, give, stride, most, arcs, offsets):
-    """Fill the multipliers that keep failed craft beyond all planes at `lift` aims, and the paths.
+@kernel(float64(SCENE, CONTACTS, float64, float64, float64, float64))
+def press(scene, contacts, lift, give, stride, most):
+    """Fill the multipliers that keep failed craft beyond all planes at `lift` aims; return the energy.
 
-    Returns the energy.  The initial active set are the contacts with positive multipliers.  Each plane
-    gives way by `give` of its own compliance.  If a displacement exceeds `stride` zones, all are reduced.
+    The initial active set are the contacts with positive multipliers.  Each plane gives way by `give` of its
+    own compliance.  If a displacement exceeds `stride` zones, all are reduced.
     Returns inf for incompatible planes, or where one moves a craft by more than `most` zones.
                                                                                          # theory (72)
     """
-    arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
+    count = len(contacts.times)
     factors, motion = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
     gram, work, gaps = np.empty((count, count)), np.empty((count, count)), np.empty(count)
     fill_factors(scene, contacts, count, factors)
@@ -53,13 +51,4 @@ def press(scene, contacts, lift, give, stride, most, arcs, offsets):
         energy *= (stride / farthest) ** 2
         for k in range(count):
             contacts.multipliers[k] *= stride / farthest
-    deflect(scene, contacts, count, factors, arcs, offsets)
     return energy
-
-
-def press_in(
-    scene: Scene, planes: Contacts, lift: float, give: float, stride: float, most: float = TOGETHER
-) -> tuple[float, Floats, Any]:
-    """Return the energy of `press`, and the craft's arcs and offsets."""
-    arcs, offsets = room_for(scene, planes)
-    return press(scene, planes, lift, give, stride, most, arcs, offsets), arcs, offsets

@@ -84,10 +84,10 @@ def kept(
     pushing = known.some(known.multipliers > FORGOTTEN * known.multipliers.max(initial=0.0))
     planes, short = rounds.failures(arcs, offsets, pushing)[0], inf
     for _ in range(most * ADDED):
-        energy, there, own = rounds.pressed(planes, 1.0 + BEYOND, GIVING)
+        energy = rounds.pressed(planes, 1.0 + BEYOND, GIVING)
         if energy >= bar or planes.number > most * MOST:
             break
-        inside, short = rounds.inside(there, own, pressing(planes))
+        inside, short = rounds.inside(*rounds.trajectories(planes), pressing(planes))
         if short <= tolerance:
             return planes, energy, short
         planes = planes.joined(rounds.turned(arcs, offsets, inside))

@@ -11,12 +11,16 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, primer_at
+from closeform.motion.arc import END, START, primer_at
 from closeform.motion.certified_march import locate
-from closeform.motion.hill import coast
 from closeform.planning.problem.approaches import sample_path, slide, spread
 from closeform.planning.problem.contacts import turn_normal
-from closeform.planning.problem.natural_motion import add_natural, fill_flow
+from closeform.planning.problem.natural_motion import (
+    add_natural,
+    fill_flow,
+    state_after,
+    state_at_first,
+)
 from closeform.planning.problem.relative_motion import add_body, in_zone, motion_after, state_at_loss
 from closeform.planning.problem.rounded_norm import norm_rate, rounded_norm
 from closeform.planning.problem.scene import CONTACTS, INDICES, NUMBERS, ROWS, SCENE
@@ -25,6 +29,7 @@ from closeform.zones.shapes import BALL, norm
 STEPS = 4  # maximum steps of Newton's method to a minimum
 LOWER = 0.3  # of the fall to a sample from its neighbours: possible further fall to the minimum
 FINE = 1e-9  # of all time: accuracy of a minimum
+NEARBY = 1e-4  # of all time: between the thrusts of which the rate is the difference
 BEYOND = 1e100  # squared norm above which a body is absent
 SETTLED = 1e-7  # of all time: accuracy of an instant of failure
 STRIDE, DAMPED = 0.01, 1e-3  # maximum step, of all time; damping of a step
@@ -195,18 +200,51 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
 
 
 @kernel()
+def fill_thrust(scene, arcs, offsets, body, s, out):
+    """Fill `out` (3,) with a craft's thrust beside any chief: its acceleration without the natural one."""
+    motion, state = stack_matrix(3, 3), stack_vector(6)
+    motion[:] = 0.0
+    add_body(scene, arcs, offsets, body, s, motion, 1.0)
+    state_at_loss(scene, arcs, offsets, body, s, state)
+    add_natural(scene, s, state, motion, -1.0)
+    for i in range(3):
+        out[i] = motion[2, i]
+
+
+@kernel()
 def fill_turns(scene, arcs, offsets, which, side, t, drift, out):
     """Fill derivatives of a pair's position after a failure at s: rows d/ds, d2/dsdt, d2/ds2.
 
     Derivatives are in zone coordinates.                                                  # theory (44)
     """
-    craft = scene.pairs[which, side]
-    arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], t - drift)]
-    n = arc[MEAN_MOTION]
-    ux, uy, uz, wx, wy, wz = primer_at(arc, t - drift)
+    craft, s = scene.pairs[which, side], t - drift
+    row = arcs[locate(arcs, offsets[craft], offsets[craft + 1], s)]
+    first, second, bent = stack_vector(6), stack_vector(6), stack_matrix(3, 3)
+    if len(scene.clock) == 0:
+        ux, uy, uz, wx, wy, wz = primer_at(row, s)
+        first[3], first[4], first[5], second[3], second[4], second[5] = ux, uy, uz, wx, wy, wz
+    else:
+        step = NEARBY * (scene.span[1] - scene.span[0])
+        low, high = max(s - step, row[START]), min(s + step, row[END] - FINE * step)
+        before, after = stack_vector(3), stack_vector(3)
+        fill_thrust(scene, arcs, offsets, craft, low, before)
+        fill_thrust(scene, arcs, offsets, craft, high, after)
+        for i in range(3):
+            second[3 + i] = (after[i] - before[i]) / (high - low)
+            first[3 + i] = before[i] + (s - low) * second[3 + i]
+    for i in range(3):
+        first[i], second[i] = 0.0, -first[3 + i]
+    begun = stack_vector(6)
+    for i in range(6):
+        begun[i] = first[i]
+    bent[:] = 0.0
+    state_at_first(scene, s, begun)
+    add_natural(scene, s, begun, bent, 1.0)  # Phi(t, s) changes with s by -Phi A
+    for i in range(3):
+        second[3 + i] -= bent[2, i]
+    state_after(scene, s, t, first)
+    state_after(scene, s, t, second)
     sign = 1.0 if side == 0 else -1.0
-    first = coast(n, drift, 0.0, 0.0, 0.0, ux, uy, uz)
-    second = coast(n, drift, -ux, -uy, -uz, wx - 2.0 * n * uy, wy + 2.0 * n * ux, wz)
     for i in range(3):
         out[0, i], out[1, i], out[2, i] = sign * first[i], sign * first[3 + i], sign * second[i]
     in_zone(scene, which, out)

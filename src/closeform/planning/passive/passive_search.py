@@ -14,7 +14,7 @@ from closeform.planning.passive.energy_descent import held, settled
 from closeform.planning.passive.relaxation_rounds import Relaxed, SafeTask
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.safety.drift_approach import SAME, drift_approach, failures_at, passively_safe
+from closeform.safety.drift_approach import SAME, failures_at, passively_safe, worst_loss
 from closeform.safety.drift_screen import worst_drifts
 from closeform.safety.failure_cells import side_of
 from closeform.safety.failure_search import RATIO, TIME
@@ -26,6 +26,7 @@ FORMATION, STARTS_OF_MANY = 4, 2  # number of craft from which the starts are fe
 SEARCHING = 0.6  # of the effort: the rest is for the descent from the best start
 FARTHER = 1e-5  # zones, by which planes are raised where samples missed failures; then ten times as far
 FINER = 4  # maximum rounds with failures that samples missed
+FEW_LOSSES = 60, 21, 21  # beside any chief, to find one of them that leads into a zone
 SIZE = 1.2  # of the zone: amplitudes of the natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
 
@@ -70,12 +71,12 @@ def failures_beside_chief(problem: Problem, planned: Path, trajectories: Path) -
             given = planned[craft], trajectories[other], zone.mirrored if side else zone, problem.last
             if passively_safe(*given):
                 continue
-            worst = drift_approach(*given)
-            lost = worst.failed_at if worst.failed_at == worst.failed_at else planned[craft].start
+            lost, time, norm, _ = worst_loss(*given, True, FEW_LOSSES, 1)
+            lost = lost if lost == lost else float(planned[craft].start)
             which.append(k)
-            times.append(worst.time)
-            drifts.append([0.0, worst.time - lost] if side else [worst.time - lost, 0.0])
-            norms.append(worst.ratio)
+            times.append(time)
+            drifts.append([0.0, time - lost] if side else [time - lost, 0.0])
+            norms.append(norm)
     found = np.array(which, dtype=np.int64), np.array(times, dtype=float)
     return Contacts.at(*found, np.array(drifts).reshape(-1, 2)), np.array(norms)
 
@@ -85,7 +86,7 @@ def shifts(problem: Problem, seed: int) -> Floats:
     draws = np.random.default_rng(seed).uniform(size=(problem.count, 6))
     size = max((float(zone.radius) for zone in problem.zones), default=0.0)
     moved = np.zeros((problem.count + len(problem.other_offsets) - 1, 6))
-    n = problem.orbit.mean_motion
+    n = problem.orbit._rate
     if not n:
         spread = np.array([size] * 3 + [size / (problem.arrival - problem.first)] * 3)
         moved[: problem.count] = spread * (2.0 * draws - 1.0)

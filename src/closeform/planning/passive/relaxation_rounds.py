@@ -15,11 +15,10 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
-from closeform.planning.energy.plane_program import TOGETHER, press_in
+from closeform.planning.energy.plane_program import TOGETHER, press
 from closeform.planning.loop import Round, Rounds, fading, run
 from closeform.planning.passive.failure_minima import find_failures, slide_failures
-from closeform.planning.problem.deflection import deflected_arcs, room_for
-from closeform.planning.problem.problem import MARGIN, Closest, Problem, Trajectories
+from closeform.planning.problem.problem import MARGIN, Closest, Problem
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
@@ -115,7 +114,7 @@ class SafeTask:
         )
         start, end = problem.base[:, START], problem.base[:, END]
         longest = float((end - start).max())
-        count = int(MOMENTS * max(1.0, longest * problem.orbit.mean_motion / (2.0 * np.pi)))
+        count = int(MOMENTS * max(1.0, longest * problem.orbit._rate / (2.0 * np.pi)))
         shares = np.concatenate([EARLY, (np.arange(count) + 0.5) / count, 1.0 - np.array(EARLY)])
         shares = MARGIN + (1.0 - 2.0 * MARGIN) * np.sort(shares)
         self.moments = start[:, None] + (end - start)[:, None] * shares
@@ -128,8 +127,7 @@ class SafeTask:
 
     def shifted(self, shifts: Floats) -> Contacts:
         """Return initial planes: those of the unconstrained paths, shifted by natural motions."""
-        direct = self.scene.direct, self.scene.direct_offsets
-        return self.sampled(*direct, shifts)[0]
+        return self.sampled(self.scene.direct, self.scene.direct_offsets, shifts)[0]
 
     def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
         """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
@@ -145,10 +143,10 @@ class SafeTask:
 
     def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Pressed | None:
         """Return the paths of minimum energy that satisfy planes of a softness; None above `bar`."""
-        energy, arcs, offsets = self.pressed(planes, aim, accuracy)
+        energy = self.pressed(planes, aim, accuracy)
         if energy == inf or energy > bar:
             return None
-        following, short = self.failures(arcs, offsets, pressing(planes))
+        following, short = self.failures(*self.trajectories(planes), pressing(planes))
         return Pressed(energy, short, planes, following)
 
     def relinearise(self, found: Pressed) -> Contacts:
@@ -160,10 +158,10 @@ class SafeTask:
         lift = 1.0
         for _ in range(RAISES):
             lift += 1.5 * short + BEYOND
-            energy, arcs, offsets = self.pressed(planes, lift, HARD)
+            energy = self.pressed(planes, lift, HARD)
             if energy == inf:
                 break
-            short = self.failures(arcs, offsets, pressing(planes))[1]
+            short = self.failures(*self.trajectories(planes), pressing(planes))[1]
             if short == 0.0:
                 return Relaxed(pressing(planes), energy)
             if short > NEARLY:
@@ -189,11 +187,11 @@ class SafeTask:
             held = held._replace(multipliers=keep * held.multipliers)
             if short >= NEARLY:
                 held = held.some(held.multipliers > FORGOTTEN * held.multipliers.max(initial=0.0))
-            direct, direct_offsets = self.trajectories(held)
+            direct, direct_offsets = self.rows(*self.trajectories(held))
             there = self.scene._replace(direct=direct, direct_offsets=direct_offsets)
             lift = 1.0 if short >= NEARLY else OUTWARD
             give = max(loose * LOOSER**turn, HARD)
-            if self.pressed(planes, lift, give, scene=there, stride=STRIDE)[0] == inf:
+            if self.pressed(planes, lift, give, scene=there, stride=STRIDE) == inf:
                 break
             pressed = pressing(planes)
             held = held.joined(pressed)
@@ -207,8 +205,11 @@ class SafeTask:
 
     def trajectories(self, contacts: Contacts) -> tuple[Floats, Any]:
         """Return the craft's arcs under the contacts' multipliers."""
-        arcs, offsets = room_for(self.scene, contacts)
-        return arcs[: deflected_arcs(self.scene, contacts, arcs, offsets)], offsets
+        return self.problem.deflected(self.scene, contacts)
+
+    def rows(self, arcs: Floats, offsets: Any) -> tuple[Floats, Any]:
+        """Return the craft's paths as the rows that kernels read."""
+        return self.problem.rows((arcs, offsets))
 
     def pressed(
         self,
@@ -219,10 +220,10 @@ class SafeTask:
         *,
         scene: Scene | None = None,
         stride: float = inf,
-    ) -> tuple[float, Floats, Any]:
-        """Fill the planes' multipliers; return their energy and the craft's arcs."""
+    ) -> float:
+        """Fill the planes' multipliers; return their energy."""
         self.problem.effort.used += planes.number**2  # a pair of planes costs as much as a sample
-        return press_in(scene or self.scene, planes, lift, give, stride, most)
+        return press(scene or self.scene, planes, lift, give, stride, most)
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
         """Return planes at close approaches of failed craft of the given paths, and the largest shortfall.
@@ -230,13 +231,13 @@ class SafeTask:
         They are sampled failures, closest approaches near these and the `known` contacts, and the previous
         places of the known contacts.
         """
-        fresh, norms = self.sampled(arcs, offsets, self.unshifted)
+        fresh, norms = self.sampled(*self.rows(arcs, offsets), self.unshifted)
         near = known.joined(fresh.some(norms < NEAR)).joined(self.unsure(arcs, offsets))
         slid, stayed, ratios = self.slid(arcs, offsets, near)
         order = np.argsort(ratios, kind="stable")
         both = slid.some(order).joined(stayed.first(known.number))
         nearest = float(min(norms.min(initial=inf), ratios.min(initial=inf)))
-        self.closest.note(nearest, arrived(self.problem, arcs, offsets))
+        self.closest.note(nearest, self.problem.arrived(arcs, offsets))
         return both.some(self.once(both)).joined(fresh), max(1.0 - nearest, 0.0)
 
     def inside(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
@@ -244,7 +245,7 @@ class SafeTask:
 
         They are the closest approaches near sampled failures and the `known` contacts.
         """
-        fresh, norms = self.sampled(arcs, offsets, self.unshifted)
+        fresh, norms = self.sampled(*self.rows(arcs, offsets), self.unshifted)
         near = known.joined(fresh.some(norms < NEAR)).joined(self.unsure(arcs, offsets))
         slid, _, ratios = self.slid(arcs, offsets, near)
         found = slid.some(np.argsort(ratios, kind="stable")[: np.count_nonzero(ratios < 1.0)])
@@ -262,7 +263,7 @@ class SafeTask:
         """
         slid, stayed = contacts.some(np.arange(contacts.number)), contacts.first(contacts.number)
         ratios = np.empty(contacts.number)
-        slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        slide_failures(self.scene, *self.rows(arcs, offsets), slid, stayed.normals, ratios)
         unsure = self.problem.with_errors(contacts)
         if unsure.any():
             trajectories, own = self.problem.with_obstacles(arcs, offsets), contacts.some(unsure)
@@ -286,20 +287,12 @@ class SafeTask:
         rows = np.column_stack([contacts.which, cells])[order]
         return order[np.append(True, (rows[1:] != rows[:-1]).any(axis=1))[: len(order)]]
 
-    def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
+    def sampled(self, rows: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
         """Return the minima within REACH after sampled failures of shifted bodies, and their norms."""
-        given = self.scene, arcs, offsets, self.moments, shifts, REACH, self.room, self.norms
+        given = self.scene, rows, offsets, self.moments, shifts, REACH, self.room, self.norms
         self.problem.effort.used += self.moments.shape[1] * len(self.scene.times) * len(self.scene.pairs)
         count = find_failures(*given)
         return self.room.first(count), self.norms[:count].copy()
-
-
-def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Trajectories:
-    """Return the craft's arcs up to the last arrival."""
-    early = arcs[:, START] < problem.arrival
-    left = arcs[early]
-    left[:, END] = np.minimum(left[:, END], problem.arrival)
-    return left, np.concatenate([[0], np.cumsum(early)])[offsets]
 
 
 def pressing(planes: Contacts) -> Contacts:

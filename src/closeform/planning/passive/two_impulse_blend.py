@@ -17,7 +17,7 @@ from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, W
 from closeform.motion.path import path_of
 from closeform.planning.loop import Descent, run
 from closeform.planning.passive.passive_search import failures
-from closeform.planning.passive.relaxation_rounds import BEYOND, SafeTask, arrived, pressing
+from closeform.planning.passive.relaxation_rounds import BEYOND, SafeTask, pressing
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
@@ -58,7 +58,7 @@ class ArcTask:
 
     def certain(self, arcs: Floats, offsets: Any) -> Contacts:
         """Return certified conflicts, with thrust and after its loss."""
-        whole, planned = self.problem.with_obstacles(arcs, offsets), arrived(self.problem, arcs, offsets)
+        whole, planned = self.problem.with_obstacles(arcs, offsets), self.problem.arrived(arcs, offsets)
         met = self.problem.met(self.problem.conflicts(whole))
         paths = path_of(self.problem.orbit, *planned, (self.problem.count,))
         return met.joined(failures(self.problem, paths, self.problem.bodies(whole)))
@@ -69,8 +69,8 @@ class ArcTask:
 
     def minimise(self, planes: Contacts, accuracy: float, aim: float, bar: float) -> Arcs | None:
         """Return the paths of minimum energy that satisfy planes; None above `bar` or without any."""
-        energy, arcs, offsets = self.rounds.pressed(planes, aim, accuracy, most=inf)
-        found = None if energy == inf else self.checked(arcs, offsets, planes)
+        energy = self.rounds.pressed(planes, aim, accuracy, most=inf)
+        found = None if energy == inf else self.checked(*self.rounds.trajectories(planes), planes)
         return None if found is None or found.cost > bar else found
 
     def crowd(self, planes: Contacts) -> int:
@@ -99,7 +99,7 @@ def blended_plan(problem: Problem, margin: float) -> Trajectories | None:
     if begin is None:
         return None
     found = run(Descent(task, task.relinearise, GIVING, SHARES), begin)
-    return problem.with_obstacles(*arrived(problem, found.arcs, found.offsets))
+    return problem.with_obstacles(*problem.arrived(found.arcs, found.offsets))
 
 
 def spread_plan(task: ArcTask) -> Arcs | None:
@@ -118,15 +118,18 @@ def burned(problem: Problem, i: int, first: float, last: float, share: float) ->
     """Return craft i's arcs, with burns for a `share` of the drift after `first` and before `last` [s]."""
     orbit, start, end = problem.orbit, *problem.base[i, [START, END]]
     state, final = problem.base[i, STATE : STATE + 6], problem.path(problem.direct)[i].state(end)
-    begin = orbit.transition(problem.first - start) @ state
-    drift, lasts = last - first, share * (last - first)
-    burn = orbit.burn(np.zeros((3, 6)), np.eye(3), lasts).state(lasts).T
-    pushed = np.hstack([orbit.transition(drift - lasts) @ burn, burn])
-    missing = orbit.transition(last - end) @ final - orbit.transition(last - problem.first) @ begin
+    begin = orbit.transition(problem.first - start, start) @ state
+    lasts = share * (last - first)
+    early, late = (
+        orbit.burn(np.zeros((3, 6)), np.eye(3), lasts, at).state(at + lasts).T for at in (first, last - lasts)
+    )
+    pushed = np.hstack([orbit.transition(last - lasts - first, first + lasts) @ early, late])
+    coasted = orbit.transition(last - problem.first, problem.first) @ begin
+    missing = orbit.transition(last - end, end) @ final - coasted
     pushes = np.linalg.solve(pushed, missing).reshape(2, 3)
     edges = np.array([problem.first, first, first + lasts, last - lasts, last, problem.last])
     arcs = np.zeros((5, WIDTH))
-    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], orbit.mean_motion
+    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], orbit._column
     arcs[[1, 3], PUSH : PUSH + 3] = pushes
     arcs[0, STATE : STATE + 6] = begin
     for before, after in zip(arcs[:-1], arcs[1:], strict=True):
@@ -141,10 +144,11 @@ def summed(problem: Problem, each: tuple[Floats, Floats], weights: tuple[float, 
     short = ROUNDING * (edges[-1] - edges[0])
     edges = edges[np.append(True, np.diff(edges) > short)]
     arcs = np.zeros((len(edges) - 1, WIDTH))
-    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], problem.orbit.mean_motion
+    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], problem.orbit._column
     for own, weight in zip(each, weights, strict=True):
         rows = own[np.maximum(np.searchsorted(own[:, START], edges[:-1] + short, "right") - 1, 0)]
-        turned = problem.orbit.transition(edges[:-1] - rows[:, START]) @ rows[:, THRUST : THRUST + 6, None]
+        passed = edges[:-1] - rows[:, START]
+        turned = problem.orbit.transition(passed, rows[:, START]) @ rows[:, THRUST : THRUST + 6, None]
         arcs[:, STATE : STATE + 6] += weight * states(problem, rows, edges[:-1])
         arcs[:, THRUST : THRUST + 6] += weight * turned[..., 0]
         arcs[:, PUSH : PUSH + 3] += weight * rows[:, PUSH : PUSH + 3]

@@ -39,11 +39,13 @@ def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
     finals = np.stack([optima[i].state(end) for i, end in enumerate(base[:, END])])
     lasts = base[:, END] - base[:, START]
     drifts, waits = schedules(float(lasts.min()), orbit.period)
-    starts = lasts[:, None] - drifts - waits  # (N, C), after each craft's own start
-    flow = orbit.transition(drifts)
-    left = (orbit.transition(starts) @ begins[:, None, :, None])[..., 0]
-    joined = (orbit.transition(-waits) @ finals[:, None, :, None])[..., 0]
-    speeds = np.stack([start_velocities(flow, drifts, *own) for own in zip(left, joined, strict=True)])
+    first, last = base[:, [START]], base[:, [END]]
+    begun = last - waits - drifts  # (N, C), the times of the first impulse
+    flow = orbit.transition(drifts, begun)
+    left = (orbit.transition(begun - first, first) @ begins[:, None, :, None])[..., 0]
+    joined = (orbit.transition(-waits, last) @ finals[:, None, :, None])[..., 0]
+    each = zip(flow, left, joined, strict=True)
+    speeds = np.stack([start_velocities(own, drifts, *ends) for own, *ends in each])
     moved = np.concatenate([left[..., :3], speeds], axis=-1)
     arrived = (flow @ moved[..., None])[..., 0]
     impulses = np.stack([speeds - left[..., 3:], joined[..., 3:] - arrived[..., 3:]], axis=2)
@@ -54,8 +56,8 @@ def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
     ties = np.round(costs / (costs[reached].min(initial=np.inf) or 1.0), 9)  # equal costs: sort by the wait
     order = reached[np.lexsort((waits[reached], ties[reached]))]
     chain = np.stack([left, moved, joined], axis=2)  # A, M and B (N, C, 3, 6), each where it begins or ends
-    since = base[:, START, None, None] + np.stack([starts, starts, starts + drifts], axis=-1)
-    chain = (orbit.transition(problem.first - since) @ chain[..., None])[..., 0]
+    since = np.stack([begun, begun, begun + drifts], axis=-1)
+    chain = (orbit.transition(problem.first - since, since) @ chain[..., None])[..., 0]
     times = since[..., 1:]
     look = Look(problem)
     for first in range(0, len(order), CHUNK):
@@ -84,7 +86,7 @@ class Look:
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.times = problem, problem.seen.times
-        self.flow = problem.orbit.transition(self.times - problem.first)[:, :3]
+        self.flow = problem.orbit.transition(self.times - problem.first, problem.first)[:, :3]
         self.pairs = [
             (int(i), problem.zones[kind], problem.seen.states[j, :, :3])
             for (i, j), kind in zip(problem.pairs, problem.kinds, strict=True)

@@ -134,21 +134,25 @@ class ChiefPaths:
         found, offsets = [], [0]
         for c, row in enumerate(self.base.copy()):
             start, end = row[START], row[END]
-            felt = (pairs == c).any(axis=1) & (start < contacts.times) & (contacts.times < end)
-            felt &= contacts.multipliers != 0.0
-            own = np.flatnonzero(felt)[np.argsort(contacts.times[felt], kind="stable")]
+            side = pairs == c
+            drifts = (contacts.drifts * side).sum(axis=1)
+            felt = contacts.times - drifts  # the contact, or the loss of thrust
+            acts = side.any(axis=1) & (start < felt) & (felt < end) & (contacts.multipliers != 0.0)
+            own = np.flatnonzero(acts)[np.argsort(felt[acts], kind="stable")]
+            jumps = self.orbit.transition(-drifts[own], contacts.times[own])[:, :, 3:] @ pushes[own, :, None]
+            jumps = np.where(side[own, :1], jumps[..., 0], -jumps[..., 0])
             row[THRUST : THRUST + 6] += changes[c]
-            times = np.array([start, *contacts.times[own]])
+            times = np.array([start, *felt[own]])
             flows, answers = self.orbit._flows(np.stack([times[:-1], times[1:]], axis=1))
             rows = []
-            for k, flow, answer in zip(own, flows, answers, strict=True):
-                if contacts.times[k] > row[START]:  # contacts at one instant share an arc
+            for time, jump, flow, answer in zip(times[1:], jumps, flows, answers, strict=True):
+                if time > row[START]:  # contacts at one instant share an arc
                     rows.append(row.copy())
-                    rows[-1][END] = row[START] = contacts.times[k]
+                    rows[-1][END] = row[START] = time
                     x, p = row[STATE : STATE + 6] / states, row[THRUST : THRUST + 6] / costates
                     row[STATE : STATE + 6] = (flow @ x + answer[:, : PUSH - COSTATE] @ p) * states
                     row[THRUST : THRUST + 6] = flow @ p * costates
-                row[THRUST + 3 : THRUST + 6] += pushes[k] if pairs[k, 0] == c else -pushes[k]
+                row[THRUST : THRUST + 6] += jump
             whole = direct[firsts[c] : firsts[c + 1]]
             found += [whole[whole[:, END] <= start], np.array([*rows, row]), whole[whole[:, START] >= end]]
             offsets.append(offsets[-1] + sum(map(len, found[-3:])))

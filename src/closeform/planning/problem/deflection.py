@@ -13,12 +13,12 @@ A contact of craft i and j pushes both with one force, opposite in sign.  The re
 another is therefore a signed sum over the craft that they share.  Each contact stores A, A', B^T and B'^T
 in its zone's coordinates for either craft: `factors` (2, 4, 3, 6).
 
-A craft whose thrust was lost at s responds at t through its state at s, followed by free drift:
+A craft whose thrust was lost at s responds at t through its state at s, followed by natural motion:
 
-    A = E Phi(t - s) F(s),    B = -F(T)^-1 F(T - s) J,    J = Phi(s - t) [0 I]^T              # theory (71)
+    A = E Phi(t, s) [A(s); A'(s)],    B^T = E Phi(t, s) [B(s)^T; B'(s)^T]                      # theory (71)
 
-J is the force's jump of thrust rate, propagated back to s by natural motion like any primer; at s the
-thrust itself jumps as well.  A' is then the rate in t alone, and B' has no meaning.
+The force's jump of thrust rate is propagated back to s by natural motion like any primer; at s the thrust
+itself jumps as well.  A' and B'^T are then rates in t alone.
 """
 
 from typing import Any
@@ -32,7 +32,8 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, primer_at, state_at
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
-from closeform.planning.problem.pieces import add_force, deflect_pieces, fill_responses
+from closeform.planning.problem.natural_motion import state_after
+from closeform.planning.problem.pieces import add_force, deflect_pieces, felt_at, fill_responses
 from closeform.planning.problem.relative_motion import motion_after
 from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
@@ -60,44 +61,24 @@ def is_controllable(scene, body, t):
 
 
 @kernel()
-def carry(n, drift, ahead, left):
-    """Transform the responses for a contact that occurs a `drift` after the loss of thrust.
-
-    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (71)
-    """
-    jumps = stack_matrix(3, 6)
-    for i in range(3):
-        jump = coast(
-            n, -drift, 0.0, 0.0, 0.0, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
-        )
+def carry(scene, s, t, out):
+    """Carry the responses (4, 3, 6) of a craft's state at a loss of thrust at s to time t, theory (71)."""
+    state = stack_vector(6)
+    for part in (PLACE, BACK):
         for j in range(6):
-            jumps[i, j] = jump[j]
-    for k in range(6):
-        reached = coast(
-            n, drift, ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k]
-        )
-        x, y, z = 0.0, 0.0, 0.0
-        for j in range(6):
-            ahead[j, k] = reached[j]
-            x, y, z = x + left[k, j] * jumps[0, j], y + left[k, j] * jumps[1, j], z + left[k, j] * jumps[2, j]
-        left[k, 3], left[k, 4], left[k, 5] = x, y, z
+            for i in range(3):
+                state[i], state[3 + i] = out[part, i, j], out[part + 1, i, j]
+            state_after(scene, s, t, state)
+            for i in range(3):
+                out[part, i, j], out[part + 1, i, j] = state[i], state[3 + i]
 
 
 @kernel()
-def felt_at(scene, contacts, k, craft):
-    """Return the time when a contact's force acts on a craft: the contact, or the loss of thrust."""
-    side = 0 if scene.pairs[contacts.which[k], 0] == craft else 1
-    return contacts.times[k] - contacts.drifts[k, side]
-
-
-@kernel()
-def fill_hill_responses(scene, body, t, drift, ahead, left, out):
-    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, a `drift` after it; in metres."""
+def fill_hill_responses(scene, body, t, ahead, left, out):
+    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, in metres."""
     n = scene.base[body, MEAN_MOTION]
     response(n, t - scene.base[body, START], ahead)
     response(n, scene.base[body, END] - t, left)
-    if drift > 0.0:
-        carry(n, drift, ahead, left)
     inverse = scene.inverses[body]
     for j in range(6):
         for i in range(3):
@@ -133,7 +114,9 @@ def fill_factors(scene, contacts, count, factors):
             if len(scene.clock) > 0:
                 fill_responses(scene, body, t, both)
             else:
-                fill_hill_responses(scene, body, t, drift, ahead, left, both)
+                fill_hill_responses(scene, body, t, ahead, left, both)
+            if drift > 0.0:
+                carry(scene, t, contacts.times[k], both)
             for part in range(4):
                 for i in range(3):
                     for j in range(6):
@@ -294,7 +277,7 @@ def deflected_arcs(scene, contacts, arcs, offsets):
 
 @kernel(void(SCENE, CONTACTS, ROWS))
 def fill_changes(scene, contacts, out):
-    """Fill the changes (N, 6) of all craft's initial thrust and thrust rate under contacts without drift."""
+    """Fill the changes (N, 6) of all craft's initial thrust and thrust rate under contacts."""
     count = len(contacts.times)
     factors = np.empty((count, 2, 4, 3, 6))
     fill_factors(scene, contacts, count, factors)
@@ -302,7 +285,7 @@ def fill_changes(scene, contacts, out):
     for k in range(count):
         for side in range(2):
             craft = scene.pairs[contacts.which[k], side]
-            if is_controllable(scene, craft, contacts.times[k]):
+            if is_controllable(scene, craft, felt_at(scene, contacts, k, craft)):
                 force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
                 add_force(force, contacts.normals[k], factors[k, side, BACK], out[craft])
 
@@ -314,13 +297,14 @@ def look_at(scene, arcs, offsets, contacts, motions, gram):
     If `gram` is empty, the kernel is not computed.
     """
     count = len(contacts.times)
-    factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
-    fill_factors(scene, contacts, count, factors)
     for k in range(count):
         which, t = contacts.which[k], contacts.times[k]
         motion_after(scene, arcs, offsets, which, t, contacts.drifts[k], motions[k])
-        if len(gram) == 0:
-            continue
+    if len(gram) == 0:
+        return
+    factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
+    fill_factors(scene, contacts, count, factors)
+    for k in range(count):
         for m in range(count):
             add_block(scene, contacts, factors, k, m, 0, 0, block)
             for i in range(3):

@@ -145,6 +145,13 @@ def add_force(force, normal, factor, out):
 
 
 @kernel()
+def felt_at(scene, contacts, k, craft):
+    """Return the time when a contact's force acts on a craft: the contact, or the loss of thrust."""
+    side = 0 if scene.pairs[contacts.which[k], 0] == craft else 1
+    return contacts.times[k] - contacts.drifts[k, side]
+
+
+@kernel()
 def deflect_pieces(scene, contacts, count, factors, rows, offsets):
     """Fill `rows` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers."""
     row = 0
@@ -156,7 +163,7 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
         back[:] = 0.0
         pushed = 0
         for k in range(count):
-            t = contacts.times[k]
+            t = felt_at(scene, contacts, k, c)
             if contacts.multipliers[k] == 0.0 or not scene.base[c, START] < t < scene.base[c, END]:
                 continue
             for side in range(2):
@@ -164,7 +171,7 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
                     force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
                     add_force(force, contacts.normals[k], factors[k, side, 2], ahead)
                     place = pushed  # in order of time
-                    while place > 0 and contacts.times[own[place - 1]] > t:
+                    while place > 0 and felt_at(scene, contacts, own[place - 1], c) > t:
                         own[place], sides[place] = own[place - 1], sides[place - 1]
                         place -= 1
                     own[place], sides[place] = k, side
@@ -172,9 +179,9 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
         following = 0
         for at in range(scene.unit_offsets[c], scene.unit_offsets[c + 1]):
             start, end = scene.spans[at, START], scene.spans[at, END]
-            while following < pushed and contacts.times[own[following]] < end:
+            while following < pushed and felt_at(scene, contacts, own[following], c) < end:
                 k, side = own[following], sides[following]
-                t = contacts.times[k]
+                t = felt_at(scene, contacts, k, c)
                 if t > start:
                     fill_piece(scene, at, start, t, ahead, back, rows[row])
                     row += 1

@@ -290,17 +290,27 @@ class Problem:
 
     def propagate(self, scene: Scene, contacts: Contacts) -> Trajectories:
         """Return the paths of all bodies in a scene."""
+        return self.with_obstacles(*self.deflected(scene, contacts))
+
+    def deflected(self, scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
+        """Return the craft's arcs under the contacts' multipliers in a scene, and their offsets."""
         if self.beside is not None:
-            return self.with_obstacles(*self.beside.propagate(scene, contacts))
+            return self.beside.propagate(scene, contacts)
         arcs, offsets = room_for(scene, contacts)
-        number = deflected_arcs(scene, contacts, arcs, offsets)
-        return self.with_obstacles(arcs[:number], offsets)
+        return arcs[: deflected_arcs(scene, contacts, arcs, offsets)], offsets
 
     def planned(self, contacts: Contacts) -> Trajectories:
         """Return the paths under the contacts' multipliers, only up to the last arrival."""
         if self.drift is None:
             return self.trajectories(contacts)
-        return self.propagate(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
+        return self.with_obstacles(*self.arrived(*self.deflected(self.bare, contacts)))
+
+    def arrived(self, arcs: Floats, offsets: Any) -> tuple[Floats, Any]:
+        """Return the craft's arcs up to the last arrival, and their offsets."""
+        early = arcs[:, START] < self.arrival
+        left = arcs[early]
+        left[:, END] = np.minimum(left[:, END], self.arrival)
+        return left, np.concatenate([[0], np.cumsum(early)])[offsets]
 
     def motions(self, trajectories: Trajectories, contacts: Contacts) -> Floats:
         """Return relative position, velocity and acceleration (K, 3, 3) at contacts, in zone coordinates."""

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
-from closeform.motion.arc import END, PUSH, START, STATE, THRUST
+from closeform.motion.arc import END, PUSH, START, THRUST
 from closeform.motion.path import Path, of_one_craft, path_of
 
 SAMPLES = 16  # intervals of an arc, and of an interval that is refined
@@ -224,7 +224,7 @@ class StateRequirement(Requirement):
     def _off_chord(self, path: Path, arcs: Floats, spans: Floats) -> Floats:
         """Return bounds (A,) by which the margin falls below that of chords between samples of arcs."""
         h = (spans[:, 1] - spans[:, 0]) / SAMPLES
-        bend, jerk = bounds(path, arcs)
+        bend, jerk = path.orbit._bends(arcs)
         return (self.per_metre * bend + self.per_speed * jerk) * h * h / 8.0
 
     def _spans(self, path: Path) -> tuple[Floats, Floats]:
@@ -238,22 +238,3 @@ def on_arcs(path: Path, arcs: Floats, times: Floats) -> Floats:
     """Return states (A, T, 6) on each of A arcs at its own times (A, T)."""
     rows = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     return rows._evaluate_rows(times)
-
-
-def bounds(path: Path, arcs: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (A,) on the acceleration [m/s^2] and the jerk [m/s^3] of coasts and burns.
-
-    Velocity and acceleration of an arc with constant push are themselves a natural motion.
-    """
-    n = path.orbit.mean_motion
-    x, z = arcs[:, STATE], arcs[:, STATE + 2]
-    v, push = arcs[:, STATE + 3 : STATE + 6], arcs[:, PUSH : PUSH + 3]
-    hill = np.stack([3.0 * n * n * x + 2.0 * n * v[:, 1], -2.0 * n * v[:, 0], -n * n * z], axis=1)
-    a = hill + push
-    if n == 0.0:
-        return np.linalg.norm(a, axis=1), np.zeros(len(arcs))
-    radial = np.hypot(3.0 * v[:, 0] + 2.0 * a[:, 1] / n, a[:, 0] / n)
-    across = np.hypot(v[:, 2], a[:, 2] / n)
-    swing = np.sqrt(4.0 * radial**2 + across**2)
-    drift = np.abs(6.0 * n * v[:, 0] + 3.0 * a[:, 1])
-    return drift + n * swing, n * n * swing

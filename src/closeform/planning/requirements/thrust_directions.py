@@ -26,7 +26,7 @@ import numpy as np
 from closeform.arrays import Floats, number
 from closeform.motion.arc import END, IMPULSE, PUSH, START, THRUST
 from closeform.motion.path import Path, of_one_craft
-from closeform.planning.requirements.requirement import SMALLEST, Requirement, bounds, on_arcs
+from closeform.planning.requirements.requirement import SMALLEST, Requirement, on_arcs
 
 PERIODS = 8  # of a burn, at first
 
@@ -88,10 +88,10 @@ class ThrustRequirement(Requirement):
         """Return angles (F,) [deg] of thrust outside of all cones, in the middle `share` of each period."""
         middle, about = spans.mean(axis=1), 0.5 * share * np.ptp(spans, axis=1)
         states = on_arcs(path, arcs, middle[:, None])[:, 0]
-        speeds = np.linalg.norm(states[:, 3:], axis=1) + bounds(path, arcs)[0] * about
+        speeds = np.linalg.norm(states[:, 3:], axis=1) + path.orbit._bends(arcs)[0] * about
         along = np.where(impulses[:, None], arcs[:, IMPULSE : IMPULSE + 3], path.thrust(middle))
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
-        turned = np.where(arcs[:, PUSH + 3 :].any(axis=1), path.orbit.mean_motion * about, 0.0)
+        turned = np.where(arcs[:, PUSH + 3 :].any(axis=1), path.orbit._rate * about, 0.0)
         axes, angles = self._excluded(middle, states[:, :3], about, speeds)
         off = np.arccos(np.clip((axes * along).sum(axis=-1), -1.0, 1.0)) - angles - turned
         found: Floats = np.degrees(off.min(axis=0, initial=inf))

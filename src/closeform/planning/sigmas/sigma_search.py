@@ -14,7 +14,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.local_solver import AHEAD, Solution
-from closeform.planning.energy.plane_program import press_in
+from closeform.planning.energy.plane_program import TOGETHER, press
 from closeform.planning.energy.side_search import FEW, Found, Search
 from closeform.planning.loop import Rounds, run
 from closeform.planning.problem.problem import PairRow, Problem, Trajectories
@@ -142,10 +142,8 @@ class SigmaSearch:
 
     def pressed(self, planes: Contacts, lift: float) -> tuple[float, Trajectories]:
         """Fill the planes' multipliers; return their energy and all paths."""
-        energy, arcs, offsets = press_in(self.scene, planes, lift, HARD, inf)
-        if energy == inf or self.problem.beside is not None:
-            return energy, self.problem.direct if energy == inf else self.problem.trajectories(planes)
-        return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
+        energy = press(self.scene, planes, lift, HARD, inf, TOGETHER)
+        return energy, self.problem.direct if energy == inf else self.problem.trajectories(planes)
 
     def following(self, trajectories: Trajectories, pressing: Contacts, near: list[PairRow]) -> Contacts:
         """Return active planes moved to the closest approaches near them, and planes of other conflicts."""

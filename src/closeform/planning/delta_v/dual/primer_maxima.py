@@ -8,7 +8,7 @@ from numba import float64
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
-from closeform.motion.chief.bernstein import SQUARE, keep_piece
+from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, keep_piece
 from closeform.motion.chief.clock import angle_at, time_at
 from closeform.motion.chief.impulses import DEPTH, note, primer_in, window_maxima
 from closeform.motion.chief.segments import squared, window_at
@@ -78,12 +78,24 @@ def peaks_along(n, duration, c, spin, angle, d, level, instants):
 
 
 @kernel()
-def peaks_beside(fleet, c, t, end, level, work, instants, squares):
-    """Find the local maxima of |p| of at least `level` beside a chief, in times since t, ends included.
+def part_along(d, p, f):
+    """Fill `f` (SQUARE,) with the coefficients of d . p, the polynomial of `p` (3, 12) along a direction."""
+    f[:] = 0.0
+    for i in range(TERMS):
+        share = d[0] * p[0, i] + d[1] * p[1, i] + d[2] * p[2, i]
+        for j in range(TERMS):
+            f[i + j] += PRODUCT[i, j] * share
 
-    `c` (6,) is the primer at the first time.  Returns the number of maxima, and a certified bound on |p|.
+
+@kernel()
+def peaks_beside(fleet, c, d, t, end, level, work, instants, heights):
+    """Find the local maxima of |p|, or of d . p, of at least `level` beside a chief, in times since t.
+
+    `c` (6,) is the primer at the first time.  Returns the number of maxima, ends included, and a certified
+    bound on |p| or d . p.
     """
-    joints, p, floor = fleet.joints, stack_matrix(3, 12), level * level
+    joints, p, free = fleet.joints, stack_matrix(3, 12), is_free(d)
+    floor = level * level if free else level
     stack, _, spare = work
     first, last = angle_at(fleet.clock, t), angle_at(fleet.clock, end)
     most, value, rose, count = floor, 0.0, True, 0
@@ -95,16 +107,19 @@ def peaks_beside(fleet, c, t, end, level, work, instants, squares):
         primer_in(fleet.flows[w], c, p)
         for axis in range(3):
             keep_piece(p[axis], max((first - low) / length, 0.0), min((last - low) / length, 1.0), spare)
-        squared(p, stack[0])
-        count, high, value, rose = window_maxima(w, floor, rose, work, instants, squares, count)
+        if free:
+            squared(p, stack[0])
+        else:
+            part_along(d, p, stack[0])
+        count, high, value, rose = window_maxima(w, floor, rose, work, instants, heights, count)
         most = max(most, high)
     if value >= floor and rose:
-        count = note(instants, squares, count, final + 1.0, value)
+        count = note(instants, heights, count, final + 1.0, value)
     for m in range(count):
         w = min(int(instants[m]), final)
         low, high = max(joints[w], first), min(joints[w + 1], last)
         instants[m] = time_at(fleet.clock, low + (instants[m] - w) * (high - low)) - t
-    return count, sqrt(most)
+    return count, sqrt(most) if free else most
 
 
 @kernel(float64(FLEET, PLANES, DUAL, float64, ROWS, PAIRS, INDICES))
@@ -115,7 +130,7 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
     `level`: divided by it, the dual point is feasible at all times.
     """
     room, number = times.shape[1], len(planes.times)
-    instants, squares, state, order = np.empty(room), np.empty(room), np.empty(6), np.empty(number + 1)
+    instants, heights, state, order = np.empty(room), np.empty(room), np.empty(6), np.empty(number + 1)
     work = np.empty((DEPTH, SQUARE)), np.empty(DEPTH), np.empty(SQUARE)
     effects, highest = np.empty((number, 6)), level
     fill_effects(fleet, planes, effects)
@@ -148,10 +163,10 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
             for one in range(fleet.numbers[i]):
                 d, until = fleet.directions[i, one], order[piece]
                 if len(fleet.clock) > 0:
-                    found, high = peaks_beside(fleet, state, t, until, level, work, instants, squares)
+                    found, high = peaks_beside(fleet, state, d, t, until, level, work, instants, heights)
                 elif is_free(d):
                     n = fleet.base[i, MEAN_MOTION]
-                    found, high = peaks(n, until - t, state, level, instants, squares)
+                    found, high = peaks(n, until - t, state, level, instants, heights)
                     high = sqrt(high)
                 else:
                     n, spin = fleet.base[i, MEAN_MOTION], fleet.spins[i]
