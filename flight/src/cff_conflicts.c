@@ -1,4 +1,10 @@
-/* Conflicts and closest approaches of two paths, view by view (closeform/conflicts/beside_chief.py). */
+/*
+ * Conflicts and closest approaches of two paths (closeform/conflicts/chief/sign_changes.py).
+ *
+ * A view is searched piece by piece.  A piece is outside if hulls show it, and decided if the coefficients of
+ * each part of the zone change signs at most once: then a part begins or ceases to hold at one root
+ * (Descartes' rule), and the piece is inside between the last beginning and the first end.  Others are halved.
+ */
 #include <math.h>
 #include <stddef.h>
 

@@ -23,7 +23,9 @@ JOINT_DELTA_V = (
     "planning.delta_v.dual.impulse_paths planning.delta_v.dual.plane_shortfalls"
 )
 PASSIVE_SAFETY = "safety.failure_search"
-ABOUT_CHIEF = "motion.chief.segments motion.chief.impulses conflicts.beside_chief planning.problem.pieces"
+ABOUT_CHIEF = (
+    "motion.chief.segments motion.chief.impulses conflicts.chief.pair_search planning.problem.pieces"
+)
 PASSIVE_ABOUT_CHIEF = "safety.drift_beside_chief"
 SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
 ERRORS = (

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts import beside_chief, pair_search
+from closeform.conflicts import pair_search
+from closeform.conflicts.chief import pair_search as chief_search
+from closeform.conflicts.chief.tracks import follow_segments
 from closeform.conflicts.pair_search import all_rows
-from closeform.conflicts.tracks import LARGEST, NO_TRACKS, PAYS, Tracks, follow
-from closeform.motion.chief.segments import FIRST, LAST
+from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
-from closeform.zones.zone import Zone, enclosing
+from closeform.zones.zone import Zone
 
 
 def conflicts_of(
@@ -27,7 +28,7 @@ def conflicts_of(
     if isinstance(path.orbit, ChiefOrbit):
         table = path.orbit.chief.table
         bodies = table.form, table.errors, *path._segments, *other._segments
-        search = beside_chief.conflicts_of_pairs
+        search = chief_search.conflicts_of_pairs
     else:
         bodies = path.arcs, path.offsets, other.arcs, other.offsets
         search = pair_search.conflicts_of_pairs
@@ -52,7 +53,7 @@ def approaches_of(path: Path, other: Path, zone: Zone, first: Any, second: Any) 
     if isinstance(path.orbit, ChiefOrbit):
         table = path.orbit.chief.table
         bodies = table.form, table.errors, *path._segments, *other._segments
-        beside_chief.approaches_of_pairs(*bodies, first, second, zone.form, out)
+        chief_search.approaches_of_pairs(*bodies, first, second, zone.form, out)
     else:
         bodies = path.arcs, path.offsets, other.arcs, other.offsets
         pair_search.approaches_of_pairs(*bodies, first, second, zone.form, out)
@@ -63,20 +64,4 @@ def tracks_of_all(paths: Path, zones: Sequence[Zone], pairs: int) -> dict[Zone, 
     """Return the tracks of a batch for each zone, to search a number of pairs; empty if they do not pay."""
     if not isinstance(paths.orbit, ChiefOrbit):
         return follow(paths.arcs, paths.offsets, paths.arcs, paths.offsets, zones, pairs)
-    segments, firsts = paths._segments
-    if not 0 < PAYS * len(paths) * len(zones) <= pairs:
-        return dict.fromkeys(zones, NO_TRACKS)
-    table = paths.orbit.chief.table
-    windows = (len(table.joints) - 1) * 2.0 * np.pi / (table.joints[-1] - table.joints[0])
-    pieces = max(2, round(beside_chief.PER_TURN / windows))
-    angles = table.angles(segments[:, FIRST].min(), segments[:, LAST].max(), pieces)
-    if not 4 * len(paths) * len(zones) * len(angles) <= LARGEST:
-        return dict.fromkeys(zones, NO_TRACKS)
-    tracks = {}
-    for zone in zones:
-        own = np.zeros((len(paths), 4, len(angles)))
-        beside_chief.fill_tracks(
-            table.form, table.errors, table.apart(pieces), segments, firsts, enclosing(zone), angles, own
-        )
-        tracks[zone] = Tracks(angles, own, own)
-    return tracks
+    return follow_segments(paths.orbit.chief.table, *paths._segments, zones, pairs)

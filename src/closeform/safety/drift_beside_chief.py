@@ -17,10 +17,10 @@ import numpy as np
 from numba import boolean, float64, int64
 
 from closeform._jit import kernel
-from closeform.conflicts.beside_chief import columns_in, polynomial, slack
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import IMPULSE
 from closeform.motion.chief.bernstein import TERMS, cut, weights
+from closeform.motion.chief.positions import columns_in, polynomial, slack
 from closeform.motion.chief.segments import (
     COLUMN,
     FIRST,

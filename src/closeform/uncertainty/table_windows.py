@@ -13,9 +13,9 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.conflicts.beside_chief import keep, polynomial, slack
 from closeform.kernel_loans import stack_matrix
 from closeform.motion.chief.bernstein import TERMS, value_at
+from closeform.motion.chief.positions import keep, polynomial, slack
 from closeform.motion.chief.segments import COLUMN, FIRST, LAST, ON_JOINT, ORIGIN, TABLE, WINDOW, share
 from closeform.motion.chief.table import COLUMNS
 from closeform.motion.path import Path

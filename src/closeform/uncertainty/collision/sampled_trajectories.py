@@ -25,7 +25,7 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats, instance
-from closeform.conflicts.beside_chief import DEPTH, excluded, window_changes
+from closeform.conflicts.chief.sign_changes import DEPTH, excluded, window_changes
 from closeform.conflicts.pair_search import ENTERED, cross
 from closeform.conflicts.two_paths import check_comparable
 from closeform.kernel_loans import borrowed, stack_matrix

@@ -1,0 +1,1 @@
+"""Certified search of pairs beside any chief: signs of polynomials in the windows of its table."""
