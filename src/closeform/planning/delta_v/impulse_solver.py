@@ -86,7 +86,7 @@ class ImpulseSolver:
         self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
         self.pushes = Pushes.of(thrusters, problem.orbit._rate)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
-        self.needed = inf  # factor of these limits that is proven necessary
+        self.needed = inf  # smallest factor of these limits that planes without a solution require
         self.least = AIM  # of a zone: minimum distance of planes
         self.closest = Closest()
         self.requirements = PathRequirements(problem, self.pushes)
@@ -356,23 +356,20 @@ class ImpulseSolver:
         if self.pushes.fixed.any() and not arrive(self.problem, trajectories, self.finals):
             return None
         checked = self.checked(trajectories, contacts)
-        self.requirements.relinearise(checked.kept)
-        self.closest.note(checked.worst, trajectories)
+        self.requirements.relinearise(checked.outside)
+        self.closest.note(checked.worst, trajectories, checked.outside)
         spent = float(sizes_of(impulses).sum())
         return Spent(trajectories, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
 
     def checked(self, trajectories: Trajectories, contacts: Contacts) -> Checked:
-        """Return conflicts of paths, with thrust and after its loss, and whether requirements are kept.
-
-        Where they are not, planes are added for the next round.
-        """
+        """Return conflicts of paths, with thrust and after its loss, and the shortfall of requirements."""
         if self.failures is None:
             found = Checked(self.problem.conflicts(trajectories), Contacts.none(), 1.0)
         else:
             found = self.failures.checked(trajectories, contacts.some(pushing(contacts) & drifting(contacts)))
-        return (
-            found._replace(kept=self.requirements.hold(trajectories)) if self.problem.requirements else found
-        )
+        if not self.problem.requirements:
+            return found
+        return found._replace(outside=self.requirements.shortfall(trajectories))
 
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
@@ -394,15 +391,19 @@ class ImpulseSolver:
 
         Thrust is kept out of the cones without thrust, which the bound does not count.
         """
-        free = found = self.priced(fleet, planes, tolerance, bar)
-        halves = Planes.room(0)
-        for _ in range(TURNS if self.requirements.steer else 0):
-            if free is None or found is None:
-                return None
-            halves = self.requirements.half_spaces(fleet, found.impulses, halves)
-            found = self.priced(fleet, planes, tolerance, bar, halves)
-            found = found and found._replace(least=free.least)
-        return found
+        free = self.priced(fleet, planes, tolerance, bar)
+        if free is None or not self.requirements.steer:
+            return free
+        found = free
+        impulses, halves = self.requirements.on_last_sides(fleet, free.impulses), self.requirements.halves
+        for _ in range(TURNS):
+            halves = self.requirements.half_spaces(fleet, impulses, halves)
+            turned = self.priced(fleet, planes, tolerance, bar, halves)
+            if turned is None:  # none near the last paths: the next may lead elsewhere
+                self.requirements.halves = Planes.room(0)
+                return free if bar == inf else None
+            found, impulses = turned, turned.impulses
+        return found._replace(least=free.least)
 
     def priced(
         self, fleet: Fleet, planes: Planes, tolerance: float, bar: float, halves: Planes | None = None
