@@ -188,6 +188,16 @@ def test_thrust_stays_out_of_cones_at_hardly_more_than_the_least_cost(end):
     assert plan.delta_v <= 1.005 * least
 
 
+def test_no_two_impulses_are_nearer_than_a_millionth_of_the_time():
+    """An ephemeris of both would have epochs that no other one shares; the arrival counts as well."""
+    station = ORBIT.coast(np.zeros(6), TIME)
+    plume = cf.requirements.Plume(half_angle=np.radians(20), range=50.0, others=station)
+    sun = cf.requirements.ThrustExclusion(direction=[-1, 0.5, 0], half_angle=0.5, rate=-ORBIT.mean_motion)
+    for requirements in ((CONE, plume), (sun,)):
+        times = [time for time, _ in planned(*requirements).path.impulses]
+        assert np.diff(np.unique([0.0, *times, TIME])).min() >= 1e-6 * TIME
+
+
 def test_exhaust_misses_the_other_spacecraft_of_a_plan():
     """Two spacecraft separate, and neither fires at the other; each impulse is checked by itself."""
     begin, end = np.zeros((2, 6)), np.zeros((2, 6))

@@ -40,6 +40,7 @@ LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
 FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: significant impulses, and negligible ones
 NEAR = 1.05  # norm beyond which insignificant planes are dropped
+SAME = 1e-6  # of a craft's time: impulses closer than this are one
 APART = 0.02  # of a craft's duration: closer impulses are merged
 AIM = 1.0 + 1e-6  # of a zone: distance of planes, so that moving contacts stay clear
 ALIKE = 0.002  # of a pair's window: closer planes are merged
@@ -342,7 +343,9 @@ class ImpulseSolver:
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the minimum delta-v that satisfies a program's planes; None above `bar`."""
-        contacts, moments = program.contacts, self.requirements.allowed(program.moments)
+        ends = self.problem.base[:, [START, END]]
+        distinct = map(Moments.distinct, program.moments, ends, SAME * np.ptp(ends, axis=1))
+        contacts, moments = program.contacts, self.requirements.allowed(list(distinct))
         fleet, planes = self.fleet(moments), self.planes(contacts, aim)
         found = self.dual(fleet, planes, accuracy, bar)
         if found is None:
