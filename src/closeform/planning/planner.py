@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_impulses, unconstrained
 from closeform.planning.energy.side_search import MARGINS, Found
-from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
+from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
@@ -33,6 +33,7 @@ from closeform.planning.problem.problem import Problem, Trajectories, deepest, i
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
 from closeform.planning.slots import revised
+from closeform.planning.violations import violations
 from closeform.zones.padding import Short
 
 STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
@@ -96,9 +97,7 @@ def attempt(request: Request, more: bool = False) -> Plan:
             alone = one_by_one(problem, range(problem.count), request.budget, more)
             found = joined(problem, alone, found)
     if found.trajectories is None:
-        return replace(
-            plan, tried=found.tried, blocked=found.blocked, reason=not_found(request, problem, found)
-        )
+        return not_found(plan, request, problem, found)
     if found.priced and not found.contacts:
         return unchanged(plan, problem.path(found.trajectories))
     # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
@@ -202,7 +201,7 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         if found.enough is not None and limits is not None:
             weak = shortage(problem, limits, found.enough)
             return too_weak(plan, weak, names[weak.craft])
-        return replace(plan, reason=not_found(request, problem, found))
+        return not_found(plan, request, problem, found)
     paths, spent = kept, nan if kept is None else float(kept.delta_v.sum())
     if found.trajectories is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
         paths, spent = problem.path(found.trajectories), found.delta_v
@@ -233,21 +232,35 @@ def beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
     return replace(plan, direct=problem.path(free.trajectories), lower_bound=free.least, cost="delta-v")
 
 
-def not_found(request: Request, problem: Problem, found: Outcome) -> str:
-    """Return the reason why no plan was found."""
+def not_found(plan: Plan, request: Request, problem: Problem, found: Outcome) -> Plan:
+    """Return the plan without paths, with the violations that remain where none was found."""
+    plan = replace(plan, tried=found.tried, blocked=found.blocked)
     if found.reason:
-        return found.reason
-    reason = f"no {'clear' if problem.drift is None else 'passively safe'} plan among {examined(found)}"
-    if problem.drift is not None:
-        if request.limits is not None and request.cost == "delta-v" and not found.limited:
-            reason += ", nor without the thrust limit"
-        return reason + found.near_miss(problem, request.names)
-    if problem.requirements and found.blocked is None:
-        return f"{reason} keeps all requirements; allow more time, or relax one of them"
-    if found.blocked is not None:
-        first, second = (request.names[k] for k in found.blocked)
-        reason += f": {first} and {second} remain in conflict"
-    return f"{reason}; raise budget"
+        return replace(plan, reason=found.reason)
+    safe, names, near = problem.drift is not None, request.names, found.closest.trajectories
+    reason = [f"no {'passively safe' if safe else 'clear'} plan among {examined(found)}"]
+    if request.limits is not None and safe and request.cost == "delta-v" and not found.limited:
+        reason[0] += ", nor without the thrust limit"
+    if found.needed < inf:
+        reason.append(f"the constraints tried need at least {found.needed:.3g} times the thrust limit")
+    if found.unfired:
+        reason.append("impulses are safe, but no safe pulses above the thrusters' minimum_bit were found")
+    missed = [] if near is None else violations(problem, near, names)
+    if missed:
+        reason.append(f"the nearest miss: {'; '.join(one.text for one in missed)}")
+        plan = replace(plan, blocked=next((one.pair for one in missed if one.pair), plan.blocked))
+    elif found.blocked is not None:
+        reason.append(f"{names[found.blocked[0]]} and {names[found.blocked[1]]} remain in conflict")
+    if problem.effort.ended:
+        usual = problem.effort.usual
+        reason.append(f"the search has used its effort; a budget above {usual} raises it in proportion")
+    if safe:
+        reason.append(unseparated(problem, names))
+    elif any(one.pair is None for one in missed):
+        reason.append("allow more time, or relax a requirement")
+    else:
+        reason.append("raise budget")
+    return replace(plan, reason="; ".join(reason))
 
 
 def examined(found: Outcome) -> str:

@@ -19,18 +19,18 @@ WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
 class Checked(NamedTuple):
     """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these.
 
-    `kept` is True if the paths keep all other requirements, by proof.
+    `outside` [reserves] is the largest shortfall of a requirement, 0 if the paths keep all by proof.
     """
 
     missed: list[PairRow]
     lost: Contacts
     nearest: float
-    kept: bool = True
+    outside: float = 0.0
 
     @property
     def clear(self) -> bool:
         """True if there is no conflict, with thrust or after its loss, and other requirements are kept."""
-        return not self.missed and self.nearest >= 1.0 and self.kept
+        return not (self.missed or self.outside) and self.nearest >= 1.0
 
     @property
     def worst(self) -> float:

@@ -14,15 +14,15 @@ acceleration, and its velocity by h^2/8 of its largest jerk.  On the chord the m
 one of the two ends.
 
 To add a requirement, derive a class in a file of its own: from `StateRequirement` with `_margin` and
-`_slope`, from `ThrustRequirement` with `_cones`, or from `Requirement` with `_holds` and `_forbids`.
+`_slope`, from `ThrustRequirement` with `_cones`, or from `Requirement` with `_holds`, `_worst`, `_forbids`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import inf
-from typing import Any
+from math import inf, nan
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,15 @@ SAMPLES = 16  # intervals of an arc, and of an interval that is refined
 FINER = 3  # refinements of a minimum
 AFTER = 1e-6  # of a path's time: planes follow an impulse by this much, so that it counts
 SMALLEST = 1e-10  # of a path's time: intervals are not cut further
+
+
+class Worst(NamedTuple):
+    """Least margin of a path, at a `time` [s], and times (K,) and states (K, 6) of shortfalls of states."""
+
+    margin: float = inf
+    time: float = nan
+    times: Floats = np.empty(0)
+    states: Floats = np.empty((0, 6))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +104,9 @@ class Requirement(ABC):
         """Return the slope (6,) of the margin at a state (6,)."""
         return np.zeros(6)
 
-    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
-        """Return the least margin of a path, and times (K,) and states (K, 6) of shortfalls: none."""
-        return inf, np.empty(0), np.empty((0, 6))
+    @abstractmethod
+    def _worst(self, path: Path) -> Worst:
+        """Return where a path violates the requirement most, or has its least margin."""
 
 
 class StateRequirement(Requirement):
@@ -162,16 +171,13 @@ class StateRequirement(Requirement):
         ----------
         docs/avoidance.md, corridors.
         """
-        return self._worst(of_one_craft(path))[0]
+        return self._worst(of_one_craft(path)).margin
 
-    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
-        """Return the least margin of a path between samples, and times (K,), states (K, 6) of shortfalls.
-
-        These are the local minima of the margin below the reserve.
-        """
+    def _worst(self, path: Path) -> Worst:
+        """Return the least margin of a path, between samples too; shortfalls are minima below the reserve."""
         arcs, spans = self._spans(path)
         if not len(arcs):
-            return inf, np.empty(0), np.empty((0, 6))
+            return Worst()
         spans[:, 0] += np.minimum(AFTER * float(path.end - path.start), 0.1 * (spans[:, 1] - spans[:, 0]))
         shares = np.linspace(0.0, 1.0, SAMPLES + 1)
         times = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * shares
@@ -180,8 +186,9 @@ class StateRequirement(Requirement):
         lowest_near = margins - self._off_chord(path, arcs, spans)[:, None]
         low = (lowest_near < self.reserve) & (margins <= around[:, :-2]) & (margins <= around[:, 2:])
         row, column = np.nonzero(low)
+        sampled = Worst(float(margins.min()), float(times.flat[margins.argmin()]))
         if not len(row):
-            return float(margins.min()), np.empty(0), np.empty((0, 6))
+            return sampled
         width = (spans[row, 1] - spans[row, 0]) / SAMPLES
         lowest = times[row, column]
         for _ in range(FINER):
@@ -196,13 +203,16 @@ class StateRequirement(Requirement):
         found = np.take_along_axis(there, best[:, :, None], 1)[:, 0]
         least = np.take_along_axis(each, best, 1)[:, 0]
         short = least < self.reserve
-        return min(float(margins.min()), float(least.min())), lowest[short], found[short]
+        refined = Worst(float(least.min()), float(lowest[least.argmin()]))
+        return min(refined, sampled, key=lambda one: one.margin)._replace(
+            times=lowest[short], states=found[short]
+        )
 
     def _holds(self, path: Path) -> bool:
         """Return `holds` of a path."""
         arcs = of_one_craft(path).arcs
         if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
-            return self._worst(path)[0] >= 0.0
+            return self._worst(path).margin >= 0.0
         arcs, spans = self._spans(path)
         if not len(arcs):
             return True
