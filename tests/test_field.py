@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import closeform as cf
 from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
-from closeform.dynamics.force_model.propagation import tableau
+from closeform.dynamics.force_model.forces import tableau
 from closeform.dynamics.model_error_estimate import MOVES, model_error
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 

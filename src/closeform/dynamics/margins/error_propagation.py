@@ -12,8 +12,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.closed_loop import KINDS, ClosedLoop
-from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.control.navigation import Navigation
+from closeform.dynamics.control.feedback import Feedback, Navigation
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.model_error import deviations_of, residuals

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, of_each, shown
-from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.control.navigation import Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback, Navigation, nonnegative
 from closeform.dynamics.control.tracking_tube import tube
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible

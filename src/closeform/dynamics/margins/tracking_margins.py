@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each
 from closeform.dynamics.control.closed_loop import process_noise_covariances
-from closeform.dynamics.control.feedback import Feedback, default_feedback
-from closeform.dynamics.control.navigation import Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.error_propagation import TrackedPlan, instants

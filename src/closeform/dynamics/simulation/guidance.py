@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import extended_paths, impulses_of
@@ -143,7 +142,7 @@ class Guidance:
 
         Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
         """
-        ballistics = ballistics_of(field.drag, len(self.paths))
+        ballistics = field._ballistics(len(self.paths))
         rest = [k for k in range(len(self.paths)) if k not in self._models]
         outputs = np.zeros(0) if span is not None else self._output_times(rest, law, engines.lost)
         pulsed = self.firing is not None

@@ -12,7 +12,7 @@ from numba import float64, int64, types, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.dynamics.force_model.propagation import accelerate_lanes
+from closeform.dynamics.force_model.forces import accelerate_lanes
 from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
 
 LANES = 16  # simulations in parallel

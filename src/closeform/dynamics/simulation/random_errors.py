@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, shown, whole
-from closeform.dynamics.control.navigation import Navigation
+from closeform.dynamics.control.feedback import Navigation
 from closeform.dynamics.simulation.time_grid import TimeGrid
 from closeform.motion.arc import END, START
 from closeform.motion.elements.mean_motion import checked

@@ -9,8 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.control.navigation import Navigation
+from closeform.dynamics.control.feedback import Feedback, Navigation
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.dynamics.clearance import clearance_ratios
-from closeform.dynamics.control.feedback import Feedback, default_feedback
-from closeform.dynamics.control.navigation import Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
 from closeform.dynamics.simulation.commands import Engines

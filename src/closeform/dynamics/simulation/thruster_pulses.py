@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
@@ -198,7 +197,7 @@ class PulsedReference(NamedTuple):
 
         Each span of pulses starts from the planned state. Without feedback there is one span.
         """
-        own = fired, law, None, ballistics_of(field.drag, 1)
+        own = fired, law, None, field._ballistics(1)
         commands = Commands.of(*own, thrusters=model, pulsed=True, outputs=np.zeros(0))
         grid, frame, missed = commands.grid, commands.frame_in(field), []
         states = plan.state(grid.output_times)

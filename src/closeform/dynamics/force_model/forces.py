@@ -1,16 +1,31 @@
 """Acceleration of a spacecraft by gravity and drag, and propagation of its state.
 
+The potential mu/r (1 - sum J_k (R/r)^k P_k(s)), s = z/r, k = 2 to 6, of a body with pole z gives
+
+    -mu/r^2 e_r + mu/r^2 sum J_k (R/r)^k (P'_{k+1}(s) e_r - P'_k(s) e_z)                    # theory (80)
+
+An exponential atmosphere that rotates with the body gives
+
+    -B/2 rho |w| w,  w = v - spin e_z x r,  B = Cd A/m                                       # theory (81)
+
 The integrator is the eighth-order method of Dormand and Prince (Hairer, Norsett, Wanner 1993, II.10).
 """
+
+from math import exp, sqrt
 
 import numpy as np
 from numba import float64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.dynamics.force_model.drag import DENSITY, drag_acceleration
-from closeform.dynamics.force_model.gravity import gravity_acceleration
 from closeform.kernel_loans import borrowed, stack_vector
+
+DEGREES = 5  # number of zonals, from the second degree on
+# Indices of the constants of a force model: gravity, then density [kg/m^3] at a radius [m], scale height [m]
+# and rotation rate [rad/s] of the atmosphere.
+MU, RADIUS, ZONALS = 0, 1, 2
+DENSITY = ZONALS + DEGREES
+REFERENCE, SCALE_HEIGHT, SPIN = DENSITY + 1, DENSITY + 2, DENSITY + 3
 
 ROWS = float64[:, ::1]
 STAGES = 12
@@ -90,6 +105,36 @@ def tableau() -> Floats:
 
 
 TABLEAU: Floats = tableau()
+
+
+@kernel(inline=True)
+def gravity_acceleration(constants, x, y, z):
+    """Return the acceleration by a body with zonals; without branches, for vectorized loops."""
+    inverse = 1.0 / sqrt(x * x + y * y + z * z)
+    sine, share = z * inverse, constants[RADIUS] * inverse
+    p0, p1, slope, power, outward, polar = 1.0, sine, 1.0, share, -1.0, 0.0
+    for k in range(DEGREES):
+        degree = k + 2.0
+        power *= share
+        p2 = (2.0 - 1.0 / degree) * sine * p1 - (1.0 - 1.0 / degree) * p0
+        here = degree * p1 + sine * slope
+        after = (degree + 1.0) * p2 + sine * here
+        outward += constants[ZONALS + k] * power * after
+        polar -= constants[ZONALS + k] * power * here
+        p0, p1, slope = p1, p2, here
+    strength = constants[MU] * inverse * inverse
+    across = strength * outward * inverse
+    return across * x, across * y, strength * (outward * sine + polar)
+
+
+@kernel(inline=True)
+def drag_acceleration(constants, ballistic, x, y, z, vx, vy, vz):
+    """Return the acceleration by drag of a spacecraft with a ballistic coefficient."""
+    r = sqrt(x * x + y * y + z * z)
+    density = constants[DENSITY] * exp((constants[REFERENCE] - r) / constants[SCALE_HEIGHT])
+    wx, wy = vx + constants[SPIN] * y, vy - constants[SPIN] * x
+    slowed = -0.5 * ballistic * density * sqrt(wx * wx + wy * wy + vz * vz)
+    return slowed * wx, slowed * wy, slowed * vz
 
 
 @kernel(inline=True)
