@@ -23,8 +23,7 @@ from closeform.dynamics.planned_paths import extended_paths
 from closeform.dynamics.simulation.random_errors import has_random_errors, seeds_of
 from closeform.dynamics.simulation.simulate import simulate
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.dynamics.simulation.thruster_model import controllable_axes, lacks_axis
-from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
+from closeform.dynamics.simulation.thruster_pulses import controllable_axes, lacks_axis, pulse_feedback
 from closeform.mission.mission_result import Stages
 from closeform.mission.simulation_verdict import Entered
 from closeform.mission.stage_start import followed

@@ -88,8 +88,8 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     if count < 2:
         raise ValueError("flight: has one spacecraft and so no pair; give a simulation of two or more")
     every = [ratios_at_times(one, zone) for one in (*flight.states, flight.planned.state(flight.times))]
-    *least, planned = (ratios.min(axis=0, initial=np.inf) for _, ratios in every)
-    least = np.stack(least)
+    *flown, planned = (ratios.min(axis=0, initial=np.inf) for _, ratios in every)
+    least = np.stack(flown)
     if not np.isfinite(least).any():
         raise ValueError("zone: no pair has a zone; give one")
     run, step = (int(k) for k in np.unravel_index(int(np.argmin(least)), least.shape))

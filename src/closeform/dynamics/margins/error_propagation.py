@@ -16,11 +16,9 @@ from closeform.dynamics.control.feedback import Feedback, Navigation
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.model_error import deviations_of, residuals
+from closeform.dynamics.simulation.commands import SAME, ThrustSpans, burn_edges, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
-from closeform.dynamics.simulation.random_errors import burn_edges
-from closeform.dynamics.simulation.station_keeping import ThrustSpans
-from closeform.dynamics.simulation.time_grid import SAME, intervals_in
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import START

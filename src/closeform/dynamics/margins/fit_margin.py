@@ -16,7 +16,7 @@ from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.tracking_margins import TrackingMargins, required_margins, tracking_margins
 from closeform.dynamics.planned_paths import appended_paths, checked_paths, extended_paths
-from closeform.dynamics.simulation.time_grid import SAME
+from closeform.dynamics.simulation.commands import SAME
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack

@@ -18,8 +18,7 @@ from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.error_propagation import TrackedPlan, instants
 from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.random_errors import errors_of_each, thrust_errors
-from closeform.dynamics.simulation.thruster_model import lacks_axis
-from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
+from closeform.dynamics.simulation.thruster_pulses import lacks_axis, pulse_feedback
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result

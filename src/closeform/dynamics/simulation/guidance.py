@@ -19,14 +19,18 @@ from closeform.dynamics.control.feedback import Feedback
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import extended_paths, impulses_of
-from closeform.dynamics.simulation.commands import Commands, Engines
+from closeform.dynamics.simulation.commands import (
+    SAME,
+    Commands,
+    Engines,
+    ThrusterModel,
+    ThrustSpans,
+    thrust_changes,
+)
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retarget
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
 from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
-from closeform.dynamics.simulation.station_keeping import ThrustSpans
-from closeform.dynamics.simulation.thruster_model import ThrusterModel
 from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
-from closeform.dynamics.simulation.time_grid import SAME, thrust_bends
 from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
@@ -162,7 +166,7 @@ class Guidance:
         times = [lost[np.isfinite(lost)]]
         if rest:
             own = self.paths[rest]
-            sharp = impulses_of(own)[1] if self.firing is not None else thrust_bends(own)
+            sharp = impulses_of(own)[1] if self.firing is not None else thrust_changes(own)[1]
             times += [ThrustSpans.of(own, law).bounds, sharp]
         return reduce(np.union1d, times)
 
@@ -200,11 +204,4 @@ class Guidance:
                 done = replace(done, fired=np.zeros(shape))
             parts.append(done)
             craft += which
-        return parts[0] if len(parts) == 1 else _in_order(parts, craft)
-
-
-def _in_order(parts: Sequence[Trajectories], craft: Sequence[int]) -> Trajectories:
-    """Return the trajectories of all spacecraft, from parts whose spacecraft have the index `craft` (N,)."""
-    back, names = np.argsort(craft), ("states", "arrivals", "fired", "spent", "limited")
-    joined = {name: np.concatenate([getattr(one, name) for one in parts], 1)[:, back] for name in names}
-    return replace(parts[0], nominal=np.concatenate([one.nominal for one in parts])[back], **joined)
+        return Trajectories.joined(parts, 1, np.argsort(craft))

@@ -13,10 +13,9 @@ from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import impulses_of
-from closeform.dynamics.simulation.commands import Commands
+from closeform.dynamics.simulation.commands import SAME, Commands
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.dynamics.simulation.time_grid import SAME
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.result import Rows

@@ -1,9 +1,15 @@
-"""Simulation of a plan in the high-fidelity model, with navigation and execution errors."""
+"""Simulation of a plan in the high-fidelity model, with navigation and execution errors.
+
+Open loop, tracking and replanning are one loop over legs. A plan is followed open loop or tracked in one leg.
+Replanning has a leg from each measurement to the next, and a new plan around the zones between legs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,18 +18,29 @@ from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
+from closeform.dynamics.infeasible import Infeasible
+from closeform.dynamics.model_error import residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
-from closeform.dynamics.simulation.commands import Engines
-from closeform.dynamics.simulation.control_loop import ControlLoop, joined
+from closeform.dynamics.simulation.commands import Engines, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
+from closeform.dynamics.simulation.propagate import Trajectories
 from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of, thrust_errors
-from closeform.dynamics.simulation.replanning import Replanner
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.dynamics.simulation.thruster_pulses import planned_delta_v, pulse_feedback
+from closeform.dynamics.simulation.thruster_pulses import divide_interval, planned_delta_v, pulse_feedback
+from closeform.fuel.pulses import Pulses, one_table
 from closeform.fuel.thrusters import Thrusters, each_set
-from closeform.motion.path import fires_impulses
-from closeform.zones.pair_zones import PairZones
+from closeform.motion.joining import stack
+from closeform.motion.path import Path, fires_impulses
+from closeform.planning.reconfigure import reconfigure
+from closeform.zones.made_table import NONE
+from closeform.zones.pair_zones import PairZones, pairs_of
 from closeform.zones.zone import Zone
+
+SIGMAS = 4.0
+SAMPLES = 201  # instants at which the model error along a plan is sampled
+# factors on the margin, tried in this order: a spacecraft measured inside a margin has no plan
+PADDED = (2.0, 1.0, 0.5)
 
 
 def simulate(
@@ -160,7 +177,7 @@ def simulate(
     else:
         first = Guidance.of(paths, believed, law, own_sets, cancel)
     runs = ControlLoop(law, field, engines, planner).runs(first, sampler)
-    done = joined([run.done for run in runs])
+    done = Trajectories.joined([run.done for run in runs], 0)
     nominal = done.nominal if planner is None else first.simulate(None, field, engines).nominal
     planned = planned_delta_v(paths, own_sets, lost_at)
     each = zip(done.states, done.arrivals, strict=True)
@@ -223,3 +240,180 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Float
             "max_acceleration: cannot be combined with impulses; remove it, or plan continuous thrust"
         )
     return limit
+
+
+class Run(NamedTuple):
+    """Simulations, their planned pulses, the number of new plans, and times and reasons of refused plans."""
+
+    done: Trajectories
+    pulses: Pulses | None
+    replans: int
+    refused: list[tuple[float, str]]
+
+
+class ControlLoop(NamedTuple):
+    """Loop in a field with a feedback `law`, or None for open-loop control, and a planner, if any."""
+
+    law: Feedback | None
+    field: Field
+    engines: Engines
+    planner: Replanner | None
+
+    def runs(self, first: Guidance, sampler: ErrorSampler) -> list[Run]:
+        """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
+        start, end = first.span if self.planner is None else self.planner.instants[[0, -1]]
+        looks = 0 if self.law is None else intervals_in(end - start, self.law.every)
+        seen, thrust = sampler.measured(looks + 1, (end - start) / max(looks, 1))
+        if self.planner is None:
+            return [self.run(first, sampler, seen, thrust)]
+        return [
+            self.run(first, replace(sampler, seeds=[seed]), one[None], off[None])
+            for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
+        ]
+
+    def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
+        """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+
+        Without a planner there is one leg. Each leg has its own burns.
+        """
+        planner = self.planner
+        if planner is None:
+            firing = guidance.firing
+            done = guidance.simulate(self.law, self.field, self.engines, sampler, (seen, thrust))
+            return Run(done, None if firing is None else firing.pulses, 0, [])
+        instants, refused = planner.instants, list[tuple[float, str]]()
+        now, parts, pulses, replans = guidance.paths.state(instants[0]), [], list[Pulses](), 0
+        for leg, span in enumerate(pairwise(instants.tolist())):
+            if leg > 0 and instants[-1] - span[0] >= planner.law.horizon:
+                anew, why = planner.replan(now + seen[0, :, leg], span[0])
+                refused += [(span[0], one) for one in why]
+                if anew is not None:
+                    guidance, replans = anew, replans + 1
+            measured = seen[:, :, leg : leg + 1], thrust
+            errors = sampler, measured, span, now, leg
+            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))
+            pulses += guidance.pulses(span)
+            now = parts[-1].states[0, :, -1].copy()
+        fired = one_table(pulses) if pulses else None
+        if fired is not None:
+            fired = fired[np.lexsort((fired.start, fired.craft))]
+        return Run(_of_all_legs(parts), fired, replans, refused)
+
+
+def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
+    states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
+    return replace(
+        parts[0],
+        times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
+        states=states,
+        arrivals=states,
+        fired_times=np.concatenate([one.fired_times for one in parts]),
+        fired=np.concatenate([one.fired for one in parts], axis=2),
+        spent=np.sum([one.spent for one in parts], axis=0),
+        limited=np.sum([one.limited for one in parts], axis=0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Replanner:
+    """Planner of S simulations, which makes new plans with a `margin` [m] around the zones.
+
+    `first` is the guidance of the plan. A feedback `law` keeps spacecraft on the last plan, and `instants`
+    (M + 1,) [s] are the times of measurements, and the end.
+    """
+
+    first: Guidance
+    zones: Zone | PairZones
+    margin: float
+    law: Feedback
+    engines: Engines
+    instants: Floats
+
+    @classmethod
+    def of(
+        cls,
+        paths: Path,
+        believed: Field,
+        thrusters: Sequence[Thrusters | None],
+        zones: Zone | PairZones,
+        law: Feedback,
+        engines: Engines,
+        sampler: ErrorSampler,
+    ) -> Self:
+        """Return the planner with the margin for the errors."""
+        start, end = float(paths.start[0]), float(paths.end[0])
+        instants = np.linspace(start, end, intervals_in(end - start, law.every) + 1)
+        in_step = divide_interval(thrusters, float(instants[1] - instants[0]))
+        first = Guidance.of(paths, believed, None, in_step)
+        off = np.hypot(*sampler.sizes.T)
+        if sampler.errors is not None:
+            off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in sampler.errors])
+        pushes = np.where(engines.running, off * paths.peak_thrust, _largest_model_error(paths, believed))
+        margin = replanning_margin(sampler.navigation, law.every, pushes)
+        if first.firing is not None:
+            margin += float(np.sort(first.deviation)[-2:].sum())
+        law = replace(law, every=float(instants[1] - instants[0]))
+        return cls(first, zones, margin, law, engines, instants)
+
+    def replan(self, states: Floats, begin: float) -> tuple[Guidance | None, list[str]]:
+        """Return the guidance of a plan from measured states (N, 6), and why plans were refused."""
+        first, why = self.first, list[str]()
+        end, orbit = float(self.instants[-1]), first.paths.orbit
+        moving, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
+        limits = self.engines.limits[moving]
+        coasting = orbit.coast(states[rest], end - begin, begin)
+        order = np.concatenate([moving, rest])
+        zones = self.zones
+        if isinstance(zones, PairZones) and len(rest):
+            zones = _reordered(zones, order, len(moving))
+        for share in PADDED:
+            plan = reconfigure(
+                orbit,
+                states[moving],
+                first.paths.state(end)[moving],
+                end - begin,
+                zones,
+                start=begin,
+                obstacles=coasting,
+                max_acceleration=limits if np.isfinite(limits).all() else None,
+                if_blocked=("more sides",),
+                margin=share * self.margin,
+            )
+            try:
+                if plan.ok and plan.paths is not None:
+                    each = [part[k] for part in (plan.paths, coasting) for k in range(len(part))]
+                    paths = stack([each[k] for k in np.argsort(order)])
+                    return Guidance.of(paths, first.believed, None, first.thrusters), why
+                why.append(f"{share:g} of the margin: {plan.reason}")
+            except Infeasible as error:
+                why.append(f"{share:g} of the margin: {error}")
+        return None, why
+
+
+def _largest_model_error(paths: Path, field: Field) -> Floats:
+    """Return the largest model error along paths (N,) [m/s^2], for spacecraft that do not compensate it."""
+    times = np.linspace(float(paths.start[0]), float(paths.end[0]), SAMPLES)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+    return np.asarray(np.linalg.norm(left_out, axis=-1).max(axis=1))
+
+
+def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
+    """Return the zones of the same bodies in another order, the first `moving` of which move."""
+    count, found = len(zones), list[Zone]()
+    table = np.full((count + 1, count + 1), NONE)
+    for one, other in zip(*(k.tolist() for k in next(pairs_of(count))), strict=True):
+        if (zone := zones.between(order[one], order[other])) is not None:
+            table[one, other] = len(found)
+            found.append(zone)
+    return PairZones(tuple(found), np.arange(count), table, np.arange(count) < moving)
+
+
+def replanning_margin(sight: Navigation, every: float, pushes: Floats) -> float:
+    """Return the margin [m] for two spacecraft between measurements `every` [s] apart.
+
+    It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].
+    """
+    noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
+    constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)
+    return float(noise + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)

@@ -16,17 +16,25 @@ from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.model_error import residuals
 from closeform.dynamics.planned_paths import until_lost
-from closeform.dynamics.simulation.commands import Commands
+from closeform.dynamics.simulation.commands import (
+    BESIDE,
+    SAME,
+    Commands,
+    ThrusterModel,
+    ThrustSpans,
+    TimeGrid,
+    fires,
+    impulse_until,
+    joined,
+    thrust_changes,
+)
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.dynamics.simulation.station_keeping import ThrustSpans, fires
-from closeform.dynamics.simulation.thruster_model import ThrusterModel, controllable_axes, impulse_until
-from closeform.dynamics.simulation.time_grid import BESIDE, SAME, TimeGrid, joined, thrust_discontinuities
 from closeform.fuel.chunks import PUSHES
 from closeform.fuel.firing import ThrusterFiring, fire_thrusters
 from closeform.fuel.pulses import Pulses, linked
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.thrusters import Thrusters, turn
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of
@@ -35,6 +43,7 @@ from closeform.named_craft import named
 PIECE = 30.0  # s: length of an arc that interpolates the command at four instants
 INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
 ROUNDING = 1e-9  # of an interval between plans
+FLAT = 1e-9  # relative singular value below which directions span only a plane or a line
 
 
 def shooters(thrusters: Sequence[Thrusters | None]) -> list[int]:
@@ -111,7 +120,7 @@ def _compensated(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[
     """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.union1d(even, joined(np.concatenate([thrust_discontinuities(paths), bounds]), even))
+    edges = np.union1d(even, joined(np.concatenate([thrust_changes(paths)[0], bounds]), even))
     lengths = np.diff(edges)
     times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
@@ -233,3 +242,19 @@ def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int
             found.pop()
         found.append((first, last))
     return [(int(shown[first]), int(shown[last])) for first, last in found]
+
+
+def controllable_axes(thrusters: Thrusters, angles: Floats) -> Floats:
+    """Return projections (T, 3, 3) onto the span of the thrusters, after rotations by `angles` (T,) [rad].
+
+    In the orbit's axes. For thrusters that control all axes the projection is the unit matrix.
+    """
+    sides, sizes, _ = np.linalg.svd(thrusters.directions.T, full_matrices=False)
+    span = sides[:, sizes > FLAT * sizes[0]]
+    turned = turn(angles if thrusters.frame == "inertial" else 0.0 * angles) @ span
+    return np.asarray(turned @ turned.swapaxes(-1, -2))
+
+
+def lacks_axis(thrusters: Thrusters) -> bool:
+    """Return True if there is an axis along which no thruster acts in either direction."""
+    return bool(np.linalg.matrix_rank(thrusters.directions, tol=FLAT) < 3)
