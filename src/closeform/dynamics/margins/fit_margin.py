@@ -81,7 +81,7 @@ def fit_margin(
     thrust_error: ArrayLike = (0.0, 0.0),
     errors: Any = None,
     minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+    thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     sigmas: float = 4.0,
     max_acceleration: ArrayLike | None = None,
     engine: ArrayLike = True,
@@ -119,7 +119,7 @@ def fit_margin(
         As in `tracking_margins`.
     minimum_bit : float [m/s], default 0
         As in `tracking_margins`.
-    thrusters : Thrusters or sequence of Thrusters or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
         As in `tracking_margins`.
     sigmas : float, no unit, default 4
         As in `tracking_margins`.

@@ -20,13 +20,13 @@ from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.model_error import deviations_of, residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
-from closeform.dynamics.simulation.commands import SAME, ThrustSpans, burn_edges, intervals_in
+from closeform.dynamics.simulation.commands import SAME, ThrusterStages, ThrustSpans, burn_edges, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.random_errors import errors_of_each, thrust_errors
 from closeform.dynamics.simulation.thruster_pulses import lacks_axis, pulse_feedback
 from closeform.fuel.allocation import Allocation
-from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import START
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
@@ -124,7 +124,7 @@ def tracking_margins(
     thrust_error: ArrayLike = (0.0, 0.0),
     errors: Any = None,
     minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+    thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     sigmas: float = 4.0,
     engine: ArrayLike = True,
 ) -> TrackingMargins:
@@ -151,7 +151,7 @@ def tracking_margins(
         Uncertainty of each spacecraft, as in `simulate`.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit of feedback.
-    thrusters : Thrusters or sequence of Thrusters or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
         Thrusters of all spacecraft, or of each that has some, as in `simulate`. The deviation of pulses from
         the plan is known, and the effect of the minimum bit is bounded.
     sigmas : float, no unit, default 4
@@ -192,7 +192,7 @@ def tracking_margins(
     True
     """
     paths = checked_paths(plan, field)
-    own, count = each_set(thrusters, len(paths)), len(paths)
+    own, count = ThrusterStages.of_each(thrusters, paths), len(paths)
     running = running_engines(engine, paths, field, own)
     shooters = np.array([one is not None for one in own])
     usual = default_feedback("track", fires_impulses(paths) or bool(shooters.any()))
@@ -204,11 +204,16 @@ def tracking_margins(
     many = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown = nonnegative("residual", of_each("residual", residual, count))
     if shooters.any():
-        for k in np.flatnonzero(shooters).tolist():
-            if lacks_axis(own[k]):
+        for k, stages in enumerate(own):
+            if stages is not None and lacks_axis(stages):
                 raise Infeasible(
                     f"thrusters: craft {k}: an axis without a thruster is not controlled, so that its drift "
                     "is not bounded; add a thruster, or give a margin in metres"
+                )
+            if stages is not None and None in stages.sets:
+                raise Infeasible(
+                    f"thrusters: craft {k}: margins of pulses and of free thrust, one after the other, are "
+                    "not known; give thrusters in all stages, or a margin in metres"
                 )
         if not cancel or least > 0.0:
             raise ValueError("thrusters: cannot be combined with minimum_bit or cancel=False; remove these")
@@ -302,7 +307,7 @@ class TrackedPlan:
     uncompensated: Floats
     pulsed: Path | None
     ripple: Floats
-    thrusters: Sequence[Thrusters] | None
+    thrusters: Sequence[ThrusterStages | None] | None
 
     @classmethod
     def of(
@@ -311,7 +316,7 @@ class TrackedPlan:
         field: Field,
         law: Feedback,
         cancel: bool,
-        thrusters: Sequence[Thrusters] | None = None,
+        thrusters: Sequence[ThrusterStages | None] | None = None,
     ) -> Self:
         """Return the paths as `simulate` tracks them in a known field.
 
@@ -337,7 +342,9 @@ class TrackedPlan:
     @property
     def bits(self) -> Floats:
         """Largest impulse (N,) [m/s] that thrusters do not fire: one bit of each of three."""
-        return np.array([_least_push(one) for one in self.thrusters or ()] or np.zeros(len(self.paths)))
+        if self.thrusters is None:
+            return np.zeros(len(self.paths))
+        return np.array([max(map(_least_push, own.thrusters)) for own in self.thrusters if own is not None])
 
     @cached_property
     def thrust(self) -> Floats:

@@ -5,23 +5,24 @@ Impulses and continuous thrust move a spacecraft in spans. On the long coasts be
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, number
 from closeform.dynamics.control.feedback import Feedback, slots_before_next
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import impulses_of
-from closeform.dynamics.simulation.integrator import BIT, STRENGTH, THRUSTER
+from closeform.dynamics.simulation.integrator import BIT, FACET, STRENGTH, THRUSTER
 from closeform.fuel.allocation import Allocation
-from closeform.fuel.pulses import Pulses
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.pulses import Pulses, linked
+from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.arc import END, IMPULSE, START, THRUST
-from closeform.motion.path import Path, runs_of
+from closeform.motion.path import Path, ends_of, path_of, runs_of
 from closeform.uncertainty.error_columns import burn_ranges
 
 # s: maximum step for pulses, for continuous thrust, for impulses alone
@@ -297,39 +298,111 @@ class Engines(NamedTuple):
         return Engines(self.limits[which], self.lost[which], self.minimum_bit)
 
 
-class ThrusterModel(NamedTuple):
-    """Thrusters of one spacecraft as the integrator uses them, and their planned `pulses`.
+class ThrusterStages(NamedTuple):
+    """Thrusters of one spacecraft: `sets[k]` from the time `starts[k]` [s] on, None for free thrust."""
 
-    Six absent thrusters complete the axes. The frame of the thrusters `rotates` in the chief's axes if it is
+    starts: Floats  # (M,), the first -inf
+    sets: tuple[Thrusters | None, ...]
+
+    @classmethod
+    def of_each(cls, thrusters: Any, paths: Path) -> list[ThrusterStages | None]:
+        """Return the argument `thrusters` for each of the paths (N,); None for free thrust throughout."""
+        if thrusters is None:
+            return [None] * len(paths)
+        found = list[ThrusterStages | None]()
+        for k, own in enumerate(each_set(thrusters, len(paths), Thrusters, dict, type(None))):
+            stages = own if isinstance(own, dict) else {-np.inf: own}
+            some = any(one is not None for one in stages.values())
+            found.append(cls._of_stages(k, stages, paths[k]) if some else None)
+        return found
+
+    @classmethod
+    def _of_stages(cls, craft: int, given: dict[float, Thrusters | None], path: Path) -> Self:
+        """Return sets given by start times; they change in the middle of the coast about each time."""
+        times = [number("thrusters", time) for time in given]
+        if times != sorted(times) or not all(isinstance(one, Thrusters | None) for one in given.values()):
+            raise ValueError(f"thrusters: craft {craft}: expected thrusters or None by start time, in order")
+        arcs, kicks = path.arcs, fires(path.arcs)
+        thrusts = arcs[:, THRUST:].any(axis=1)
+        begins = np.concatenate([arcs[kicks, START], arcs[thrusts, START]])
+        ends = np.concatenate([arcs[kicks, START], arcs[thrusts, END]])
+        starts = [-np.inf]
+        for time in times[1:]:
+            before = begins < time - SAME
+            last, first = ends[before].max(initial=path.start), begins[~before].min(initial=path.end)
+            if last > time + SAME:
+                raise ValueError(f"thrusters: craft {craft}: change at {time:g} s, within a burn of the plan")
+            starts.append(0.5 * (last + first))  # burns about impulses last into the coasts beside them
+        return cls(np.array(starts), tuple(given.values()))
+
+    @property
+    def thrusters(self) -> list[Thrusters]:
+        """Sets of thrusters, without stages of free thrust."""
+        return [one for one in self.sets if one is not None]
+
+    def at(self, times: Floats) -> Any:
+        """Return the index of the set (T,) that is used from given times on."""
+        return np.searchsorted(self.starts, times + SAME) - 1
+
+    def pieces(self, path: Path) -> Iterator[tuple[Path, Thrusters | None]]:
+        """Yield the parts of one spacecraft's path, each with its set."""
+        arcs = path.arcs
+        for time in self.starts[1:]:
+            k = int(np.searchsorted(arcs[:, START], time))
+            if k > 0 and time < arcs[k - 1, END]:
+                arcs = np.insert(arcs, k, arcs[k - 1], axis=0)
+                arcs[k - 1, END] = arcs[k, START] = time
+        arcs = linked(path.orbit, arcs.copy(), ends_of(path)[0]).arcs
+        which = self.at(arcs[:, START])
+        for k, own in enumerate(self.sets):
+            if len(some := arcs[which == k]):
+                yield path_of(path.orbit, some, np.array([0, len(some)]), ()), own
+
+
+class ThrusterModel(NamedTuple):
+    """Thrusters of one spacecraft in M `stages` as the integrator uses them, and their planned `pulses`.
+
+    Six absent thrusters complete the axes. The frame of a set `rotates` in the chief's axes if it is
     inertial.
     """
 
-    thrusters: Floats  # (J, 5)
-    facets: Floats  # (F, 12)
-    rotates: bool
+    thrusters: Floats  # (M, J, 5)
+    facets: Floats  # (M, F, 12)
+    rotates: Any  # (M,) of bool
+    stages: ThrusterStages
     pulses: Pulses
 
     @classmethod
-    def of(cls, thrusters: Thrusters, pulses: Pulses) -> Self:
+    def of(cls, stages: ThrusterStages, pulses: Pulses) -> Self:
         """Return the model of thrusters with planned pulses."""
-        allocation = Allocation.of(thrusters.directions)
-        rows = np.zeros((allocation.count + 6, THRUSTER))
-        rows[: allocation.count, :BIT] = thrusters.directions
-        rows[: allocation.count, BIT] = thrusters.minimum_bit
-        rows[: allocation.count, STRENGTH] = thrusters.acceleration
-        rows[allocation.count :, BIT] = NEGLIGIBLE
-        facets = np.hstack([allocation.corners.astype(float), allocation.inverses.reshape(-1, 9)])
-        return cls(rows, facets, thrusters.frame == "inertial", pulses)
+        every = [(own, Allocation.of(own.directions)) for own in stages.thrusters]
+        most = max(allocation.count for _, allocation in every) + 6
+        longest = max(len(allocation.corners) for _, allocation in every)
+        rows, facets = np.zeros((len(every), most, THRUSTER)), np.zeros((len(every), longest, FACET))
+        rows[:, :, BIT] = NEGLIGIBLE
+        for k, (own, allocation) in enumerate(every):
+            rows[k, : allocation.count, :BIT] = own.directions
+            rows[k, : allocation.count, BIT] = own.minimum_bit
+            rows[k, : allocation.count, STRENGTH] = own.acceleration
+            found = np.hstack([allocation.corners.astype(float), allocation.inverses.reshape(-1, 9)])
+            facets[k] = np.resize(found, (longest, FACET))  # some facets twice
+        return cls(rows, facets, np.array([own.frame == "inertial" for own, _ in every]), stages, pulses)
+
+    def used(self, times: Floats) -> Any:
+        """Return the row of the set (T,) that is used from given times on, -1 for free thrust."""
+        real = np.array([own is not None for own in self.stages.sets])
+        return np.where(real, np.cumsum(real) - 1, -1)[self.stages.at(times)]
 
     def free(self, times: Floats) -> Floats:
-        """Return the time (J, T) [s] without planned firing of each thruster since the first time."""
-        found = np.tile(times - times[0], (len(self.thrusters), 1))
-        for j in np.unique(self.pulses.thruster):
-            own = self.pulses[self.pulses.thruster == j]
+        """Return the time (M, J, T) [s] without planned firing of each thruster since the first time."""
+        found = np.tile(times - times[0], (*self.thrusters.shape[:2], 1))
+        sets = self.used(self.pulses.start + 0.5 * self.pulses.duration)
+        for k, j in {*zip(sets.tolist(), self.pulses.thruster.tolist(), strict=True)}:
+            own = self.pulses[(sets == k) & (self.pulses.thruster == j)]
             edges = np.stack([own.start, own.start + own.duration], axis=1)
             on = np.concatenate([[0.0], np.cumsum(np.diff(edges, axis=1))])
             since = np.interp(times, edges.ravel(), np.repeat(on, 2)[1:-1])
-            found[j] -= since - since[0]
+            found[k, j] -= since - since[0]
         return found
 
 
@@ -411,7 +484,8 @@ class Commands:
         if outputs is None:
             outputs = np.union1d(bends, spans.bounds)
         whole = float(path.start[0]), float(path.end[0])
-        grid = TimeGrid.of(span or whole, law, when, jumps, outputs, longest)
+        edges = jumps if thrusters is None else np.concatenate([jumps, thrusters.stages.starts[1:]])
+        grid = TimeGrid.of(span or whole, law, when, edges, outputs, longest)
         fired = np.zeros((len(path), int(grid.impulses.max()) + 1, 3))
         slots = np.searchsorted(grid.impulse_times, when)
         np.add.at(fired, (craft, slots), planned if impulses is None else impulses)  # several at one instant

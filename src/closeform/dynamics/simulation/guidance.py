@@ -24,6 +24,7 @@ from closeform.dynamics.simulation.commands import (
     Commands,
     Engines,
     ThrusterModel,
+    ThrusterStages,
     ThrustSpans,
     thrust_changes,
 )
@@ -33,7 +34,6 @@ from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErr
 from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
 from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
-from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
@@ -54,7 +54,7 @@ class Guidance:
     believed: Field
     law: Feedback | None
     cancel: bool
-    thrusters: Sequence[Thrusters | None]
+    thrusters: Sequence[ThrusterStages | None]
     impulses: Retargeted
     retargeted: Path
     firing: ThrusterFiring | None
@@ -65,7 +65,7 @@ class Guidance:
         paths: Path,
         believed: Field,
         law: Feedback | None,
-        thrusters: Sequence[Thrusters | None] = (),
+        thrusters: Sequence[ThrusterStages | None] = (),
         cancel: bool = True,
         mass: ArrayLike | None = None,
         specific_impulse: ArrayLike | None = None,
@@ -91,8 +91,9 @@ class Guidance:
             return {}
         firing, found = self.firing, {}
         for j, k in enumerate(shooters(self.thrusters)):
-            model = ThrusterModel.of(firing.thrusters[j], firing.pulses[firing.pulses.craft == j])
-            found[k] = firing.path[j : j + 1], model
+            if (own := self.thrusters[k]) is not None:
+                model = ThrusterModel.of(own, firing.pulses[firing.pulses.craft == j])
+                found[k] = firing.path[j : j + 1], model
         return found
 
     @cached_property

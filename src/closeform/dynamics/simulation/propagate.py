@@ -89,16 +89,19 @@ def propagate(
     spent = np.zeros((flights, count, 2))
     given = errors.measured, errors.thrust, errors.events, np.ascontiguousarray(errors.noise)
     _in_threads(field, steps, (starts, *given, states, fired, spent))
-    nominal, arrivals = _planned_delta_v(steps), states
+    nominal, arrivals, free = _planned_delta_v(steps), states, steps.sets < 0
     if commands.thrusters is not None:  # the integrator counts simultaneous pulses as their sum
         over = min(float(grid.nodes[-1]), float(commands.engines.lost[0]))
         pulses = commands.thrusters.pulses
         pulsed = impulse_until(pulses, over) - impulse_until(pulses, min(float(grid.nodes[0]), over))
-        spent[..., 0] += pulsed - nominal
-        nominal = np.array([pulsed])
-    elif fired.size:
+        changed = pulsed + _planned_delta_v(steps, free) - nominal
+        spent[..., 0] += changed
+        nominal = nominal + changed
+    if (kicks := free[grid.impulses >= 0]).any():
         arrivals = states.copy()
-        arrivals[:, :, grid.outputs[grid.impulses >= 0], 3:] -= fired
+        arrivals[:, :, grid.outputs[(grid.impulses >= 0) & free], 3:] -= fired[:, :, kicks]
+        if commands.thrusters is not None:
+            fired[:, :, kicks] = 0.0  # only orders of thrusters are reported
     delta_v, limited = spent[..., 0], spent[..., 1]
     return Trajectories(
         grid.output_times, states, arrivals, grid.impulse_times, fired, delta_v, nominal, limited
@@ -123,9 +126,13 @@ def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:
         list(pool.map(some, parts))
 
 
-def _planned_delta_v(steps: Steps) -> Floats:
-    """Return the delta-v of planned thrust and impulses (N,) [m/s], by the quadrature of the integrator."""
+def _planned_delta_v(steps: Steps, some: Any = True) -> Floats:
+    """Return the delta-v of planned thrust and impulses (N,) [m/s], by the quadrature of the integrator.
+
+    `some` (K + 1,): nodes from which on it counts.
+    """
     running = np.arange(len(steps.lengths) + 1) < np.where(steps.limits > 0.0, steps.losses, 0)[:, None]
+    running = running & some
     size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, None, None])
     thrust = size @ [1.0, 4.0, 1.0] * running[:, :-1] @ steps.lengths / 6.0
     return np.asarray(thrust + (np.linalg.norm(steps.planned_impulses, axis=2) * running).sum(axis=1))
@@ -140,7 +147,8 @@ def _steps(
     rules, gains = np.zeros((len(grid.since), 3, 6)), np.zeros((0, 3, 6))
     late = np.stack([np.eye(6), np.zeros((6, 6))])
     if law is not None and law.impulses:
-        gains = impulse_gains(orbit, law, commands.thrusters is not None)[1]
+        kinds = (False,) if commands.thrusters is None else (False, True)
+        gains = np.concatenate([impulse_gains(orbit, law, burns)[1] for burns in kinds])
     elif law is not None:
         rules = optimal_return(orbit, law.horizon, grid.since)[2]
     if law is not None and law.delay > 0.0:
@@ -154,7 +162,10 @@ def _steps(
         planned[:, seen] = commands.reference.state(grid.nodes[seen])
     chief = frame.states[:, :3], frame.states[:, 3:], frame.acceleration, frame.axes, frame.rotation
     floats = np.diff(grid.nodes), *chief, _commanded_thrust(commands), beyond, jumps, planned
-    laws = grid.measurements, grid.updates, late, grid.rows, rules, grid.feedback_impulses, gains
+    thrusters, sets, ends = _thruster_rows(commands)
+    corrections = np.where((grid.feedback_impulses >= 0) & (sets >= 0), len(gains) // 2, 0)
+    corrections += grid.feedback_impulses  # impulses, then burns of thrusters
+    laws = grid.measurements, grid.updates, late, grid.rows, rules, corrections, gains
     lost = np.searchsorted(grid.nodes, engines.lost - SAME)
     of_engines = commands.ballistics, engines.limits, lost, engines.minimum_bit
     events = commands.events if errors.events.size else NO_EVENTS
@@ -162,7 +173,7 @@ def _steps(
         [
             *(np.ascontiguousarray(part, dtype=float) for part in floats),
             *laws,
-            *(grid.outputs, grid.impulses, *of_engines, *_thruster_rows(commands)),
+            *(grid.outputs, grid.impulses, *of_engines, *thrusters, sets, ends),
             *(events.planned, events.feedback, events.impulses, errors.gates),
         ]
     )
@@ -183,18 +194,19 @@ def _commanded_thrust(commands: Commands) -> Floats:
     return thrust
 
 
-def _thruster_rows(commands: Commands) -> tuple[Any, ...]:
-    """Return thrusters, facets, angles, free times, the set in use, and the ends of orders."""
-    grid, model = commands.grid, commands.thrusters
-    nodes = grid.nodes
-    ordered, ends = np.flatnonzero(grid.feedback_impulses >= 0), np.zeros(len(nodes), dtype=np.int64)
-    ends[ordered] = [*ordered[1:], len(nodes) - 1][: len(ordered)]
+def _thruster_rows(commands: Commands) -> tuple[tuple[Floats, ...], Any, Any]:
+    """Return thrusters, facets, angles and free times, then the set in use, and the ends of orders."""
+    nodes, model = commands.grid.nodes, commands.thrusters
     if model is None:
         none = (0, 0, THRUSTER), (0, 0, FACET), (0, len(nodes)), (0, 0, len(nodes))
-        return *(np.zeros(shape) for shape in none), np.full(len(nodes), -1), ends
-    angles = commands.path.orbit.mean_motion * nodes * model.rotates
-    rows = model.thrusters, model.facets, angles, model.free(nodes)
-    return *(one[None] for one in rows), np.zeros(len(nodes), dtype=np.int64), ends
+        return tuple(map(np.zeros, none)), np.full(len(nodes), -1), np.zeros(len(nodes), dtype=np.int64)
+    angles = commands.path.orbit.mean_motion * nodes * model.rotates[:, None]
+    sets = model.used(nodes)
+    # an order ends with the next one, or where its thrusters are replaced
+    stops = (commands.grid.feedback_impulses >= 0) | (np.diff(sets, prepend=sets[0]) != 0)
+    stops = np.append(np.flatnonzero(stops), len(nodes) - 1)
+    ends = stops[np.minimum(np.searchsorted(stops, np.arange(len(nodes)), "right"), len(stops) - 1)]
+    return (model.thrusters, model.facets, angles, model.free(nodes)), sets, ends
 
 
 def _stepwise(values: Floats) -> Floats:

@@ -22,14 +22,14 @@ from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.model_error import residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
-from closeform.dynamics.simulation.commands import Engines, intervals_in
+from closeform.dynamics.simulation.commands import Engines, ThrusterStages, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.propagate import Trajectories
 from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of, thrust_errors
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.dynamics.simulation.thruster_pulses import divide_interval, planned_delta_v, pulse_feedback
 from closeform.fuel.pulses import Pulses, one_table
-from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, fires_impulses
 from closeform.planning.reconfigure import reconfigure
@@ -55,7 +55,7 @@ def simulate(
     thrust_error: ArrayLike = (0.0, 0.0),
     max_acceleration: ArrayLike | None = None,
     minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+    thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     seeds: int | Sequence[int] = 1,
     errors: Any = None,
     lost: ArrayLike | None = None,
@@ -93,9 +93,11 @@ def simulate(
         thrusters.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
-    thrusters : Thrusters or sequence of Thrusters or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
         Thrusters of all spacecraft, or of each that has some. They fire the compensated plan, and feedback
-        burns of at least one bit while they are not firing by plan.
+        burns of at least one bit while they are not firing by plan. A dict has the sets that a spacecraft
+        uses one after the other, by start time [s]; None for thrust without thrusters. They change while the
+        plan coasts.
     seeds : int or sequence of int, default 1
         Number of simulations, or the seed of each, which determines its errors.
     errors : Uncertainty or sequence of Uncertainty or None, optional
@@ -146,7 +148,7 @@ def simulate(
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
-    count, fires, own_sets = len(paths), fires_impulses(paths), each_set(thrusters, len(paths))
+    count, fires, own_sets = len(paths), fires_impulses(paths), ThrusterStages.of_each(thrusters, paths)
     pulsed = any(own is not None for own in own_sets)
     usual = default_feedback(control, fires or pulsed)
     asked_law = instance("feedback", usual if feedback is None else feedback, Feedback)
@@ -335,7 +337,7 @@ class Replanner:
         cls,
         paths: Path,
         believed: Field,
-        thrusters: Sequence[Thrusters | None],
+        thrusters: Sequence[ThrusterStages | None],
         zones: Zone | PairZones,
         law: Feedback,
         engines: Engines,
