@@ -329,7 +329,9 @@ class TrackedPlan:
         spans = ThrustSpans.of(paths, law)
         moved, compensated = spans.impulsive_at(times), cancel & spans.compensated(times)
         fine = np.linspace(times[0], times[-1], RIPPLE * (len(times) - 1) + 1)
-        off = guidance.reference.position(fine) - paths.position(fine)
+        off = np.zeros((len(paths), len(fine), 3))
+        if guidance.reference is not paths:
+            off = guidance.reference.position(fine) - paths.position(fine)
         straight = np.linspace(off[:, :-1:RIPPLE], off[:, RIPPLE::RIPPLE], RIPPLE, endpoint=False, axis=2)
         ripple = np.linalg.norm(off[:, :-1] - straight.reshape(off[:, :-1].shape), axis=-1).max(axis=1)
         compensation = -left_out * compensated[..., None]

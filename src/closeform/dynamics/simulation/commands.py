@@ -255,21 +255,30 @@ def joined(times: Floats, base: Floats) -> Floats:
     return np.asarray(times[apart & (times < base[-1] - SAME)])
 
 
-def thrust_changes(path: Path) -> tuple[Floats, Floats]:
-    """Return the times [s] at which the thrust of any spacecraft jumps, or bends too sharply for one step."""
-    jumps, bends = [np.zeros(0)], [np.zeros(0)]
+def thrust_jumps(path: Path) -> Floats:
+    """Return the times at which the thrust of any spacecraft jumps [s]."""
+    found = [np.zeros(0)]
     for k in np.flatnonzero(path.peak_thrust):
         one = path[int(k)]
-        times, lengths, peak = one.arcs[:, START], one.arcs[:, END] - one.arcs[:, START], one.peak_thrust
-        aside = np.minimum(NEIGHBOURHOOD, np.minimum(times - one.start, one.end - times))
-        bend = one.thrust(times + aside) + one.thrust(times - aside) - 2.0 * one.thrust(times)
-        bends.append(times[np.linalg.norm(bend, axis=1) > BEND * peak])
+        times, lengths = one.arcs[:, START], one.arcs[:, END] - one.arcs[:, START]
         # short enough to resolve a brief pulse in a simulation of days
         near = min(BESIDE * (one.end - one.start), 0.25 * lengths[lengths > SAME].min())
         times = times[(times > one.start + near) & (times < one.end - near)]
         change = one.thrust(times + near) - one.thrust(times - near)
-        jumps.append(times[np.linalg.norm(change, axis=1) > JUMP * peak])
-    return np.concatenate(jumps), np.concatenate(bends)
+        found.append(times[np.linalg.norm(change, axis=1) > JUMP * one.peak_thrust])
+    return np.concatenate(found)
+
+
+def thrust_bends(path: Path) -> Floats:
+    """Return the times at which the thrust of any spacecraft bends too sharply for one step [s]."""
+    found = [np.zeros(0)]
+    for k in np.flatnonzero(path.peak_thrust):
+        one = path[int(k)]
+        times = one.arcs[:, START]
+        aside = np.minimum(NEIGHBOURHOOD, np.minimum(times - one.start, one.end - times))
+        bend = one.thrust(times + aside) + one.thrust(times - aside) - 2.0 * one.thrust(times)
+        found.append(times[np.linalg.norm(bend, axis=1) > BEND * one.peak_thrust])
+    return np.concatenate(found)
 
 
 class Engines(NamedTuple):
@@ -480,11 +489,12 @@ class Commands:
         longest = PULSED if pulsed else CONTINUOUS
         if not pulsed and not path.peak_thrust.any() and (law is None or law.impulses):
             longest = IMPULSIVE
-        spans, (jumps, bends) = ThrustSpans.of(path, law), thrust_changes(path)
+        spans, edges = ThrustSpans.of(path, law), thrust_jumps(path)
         if outputs is None:
-            outputs = np.union1d(bends, spans.bounds)
+            outputs = np.union1d(thrust_bends(path), spans.bounds)
         whole = float(path.start[0]), float(path.end[0])
-        edges = jumps if thrusters is None else np.concatenate([jumps, thrusters.stages.starts[1:]])
+        if thrusters is not None:
+            edges = np.concatenate([edges, thrusters.stages.starts[1:]])
         grid = TimeGrid.of(span or whole, law, when, edges, outputs, longest)
         fired = np.zeros((len(path), int(grid.impulses.max()) + 1, 3))
         slots = np.searchsorted(grid.impulse_times, when)

@@ -26,7 +26,7 @@ from closeform.dynamics.simulation.commands import (
     ThrusterModel,
     ThrusterStages,
     ThrustSpans,
-    thrust_changes,
+    thrust_bends,
 )
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retarget
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
@@ -167,7 +167,7 @@ class Guidance:
         times = [lost[np.isfinite(lost)]]
         if rest:
             own = self.paths[rest]
-            sharp = impulses_of(own)[1] if self.firing is not None else thrust_changes(own)[1]
+            sharp = impulses_of(own)[1] if self.firing is not None else thrust_bends(own)
             times += [ThrustSpans.of(own, law).bounds, sharp]
         return reduce(np.union1d, times)
 

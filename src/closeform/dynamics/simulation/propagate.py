@@ -22,6 +22,7 @@ from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
 ROUNDS = 2  # rounds of a simulation with a user function; the first has an error from the force gradient
+AT_ONCE = 20_000  # steps whose model error is computed together: more do not fit into caches
 FEW = 8  # fewer simulations do not justify a thread of their own
 NONE, NONE_OF_EACH = np.empty(0, dtype=np.int64), np.empty((0, 0), dtype=np.int64)
 NO_EVENTS = ErrorEvents(NONE_OF_EACH, NONE, NONE, (0, 0, 0))
@@ -187,10 +188,11 @@ def _commanded_thrust(commands: Commands) -> Floats:
     if commands.known is None or commands.frame is None:
         return thrust
     compensated = commands.spans.compensated(grid.times[1::2])
-    for k in np.flatnonzero(compensated.any(axis=1)):  # one at a time: long simulations need the memory
-        one, known = path[k : k + 1], commands.known._of([k])
-        left_out = residuals(known, commands.frame, one.state(grid.times), path.orbit.mean_motion)
-        thrust[k] -= _stepwise(left_out)[0] * compensated[k][:, None, None]
+    those, size = np.flatnonzero(compensated.any(axis=1)), max(AT_ONCE // len(grid.rows), 1)
+    for some in (those[k : k + size] for k in range(0, len(those), size)):
+        states, known = path[some].state(grid.times), commands.known._of(some)
+        left_out = residuals(known, commands.frame, states, path.orbit.mean_motion)
+        thrust[some] -= _stepwise(left_out) * compensated[some][..., None, None]
     return thrust
 
 

@@ -18,9 +18,8 @@ from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import residuals
+from closeform.dynamics.model_error import validity
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
 from closeform.dynamics.simulation.commands import Engines, ThrusterStages, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
@@ -38,7 +37,6 @@ from closeform.zones.pair_zones import PairZones, pairs_of
 from closeform.zones.zone import Zone
 
 SIGMAS = 4.0
-SAMPLES = 201  # instants at which the model error along a plan is sampled
 # factors on the margin, tried in this order: a spacecraft measured inside a margin has no plan
 PADDED = (2.0, 1.0, 0.5)
 
@@ -175,10 +173,11 @@ def simulate(
         law = pulse_feedback(law, own_sets)
     if control == "replan" and zones is not None and law is not None:
         planner = Replanner.of(paths, believed, own_sets, zones, law, engines, sampler)
-        law, first = planner.law, planner.first
+        law, first, instants = planner.law, planner.first, planner.instants
     else:
         first = Guidance.of(paths, believed, law, own_sets, cancel)
-    runs = ControlLoop(law, field, engines, planner).runs(first, sampler)
+        instants = np.array(first.span)
+    runs = ControlLoop(law, field, engines, instants, planner).runs(first, sampler)
     done = Trajectories.joined([run.done for run in runs], 0)
     nominal = done.nominal if planner is None else first.simulate(None, field, engines).nominal
     planned = planned_delta_v(paths, own_sets, lost_at)
@@ -254,18 +253,22 @@ class Run(NamedTuple):
 
 
 class ControlLoop(NamedTuple):
-    """Loop in a field with a feedback `law`, or None for open-loop control, and a planner, if any."""
+    """Loop in a field with a feedback `law`, or None for open-loop control, and a planner, if any.
+
+    A leg is from each of the `instants` (L + 1,) [s] to the next; between legs the planner makes a new plan.
+    """
 
     law: Feedback | None
     field: Field
     engines: Engines
+    instants: Floats
     planner: Replanner | None
 
     def runs(self, first: Guidance, sampler: ErrorSampler) -> list[Run]:
         """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
-        start, end = first.span if self.planner is None else self.planner.instants[[0, -1]]
-        looks = 0 if self.law is None else intervals_in(end - start, self.law.every)
-        seen, thrust = sampler.measured(looks + 1, (end - start) / max(looks, 1))
+        over = float(self.instants[-1] - self.instants[0])
+        looks = 0 if self.law is None else intervals_in(over, self.law.every)
+        seen, thrust = sampler.measured(looks + 1, over / max(looks, 1))
         if self.planner is None:
             return [self.run(first, sampler, seen, thrust)]
         return [
@@ -276,23 +279,21 @@ class ControlLoop(NamedTuple):
     def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
         """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
 
-        Without a planner there is one leg. Each leg has its own burns.
+        Each leg has its own burns.
         """
-        planner = self.planner
-        if planner is None:
-            firing = guidance.firing
-            done = guidance.simulate(self.law, self.field, self.engines, sampler, (seen, thrust))
-            return Run(done, None if firing is None else firing.pulses, 0, [])
-        instants, refused = planner.instants, list[tuple[float, str]]()
-        now, parts, pulses, replans = guidance.paths.state(instants[0]), [], list[Pulses](), 0
-        for leg, span in enumerate(pairwise(instants.tolist())):
-            if leg > 0 and instants[-1] - span[0] >= planner.law.horizon:
-                anew, why = planner.replan(now + seen[0, :, leg], span[0])
+        parts, pulses, refused, replans = list[Trajectories](), list[Pulses](), list[tuple[float, str]](), 0
+        planner, now, measured = self.planner, None, seen
+        for leg, span in enumerate(pairwise(self.instants.tolist())):
+            if planner is not None:
+                measured = seen[:, :, leg : leg + 1]
+                now = guidance.paths.state(span[0]) if now is None else now
+            if planner is not None and leg > 0 and self.instants[-1] - span[0] >= planner.law.horizon:
+                anew, why = planner.replan(now + measured[0, :, 0], span[0])
                 refused += [(span[0], one) for one in why]
                 if anew is not None:
                     guidance, replans = anew, replans + 1
-            measured = seen[:, :, leg : leg + 1], thrust
-            errors = sampler, measured, span, now, leg
+            of_leg = None if planner is None else span, now, leg
+            errors = sampler, (measured, thrust), *of_leg
             parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))
             pulses += guidance.pulses(span)
             now = parts[-1].states[0, :, -1].copy()
@@ -304,6 +305,8 @@ class ControlLoop(NamedTuple):
 
 def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
     """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
+    if len(parts) == 1:
+        return parts[0]
     states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
     return replace(
         parts[0],
@@ -351,7 +354,7 @@ class Replanner:
         off = np.hypot(*sampler.sizes.T)
         if sampler.errors is not None:
             off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in sampler.errors])
-        pushes = np.where(engines.running, off * paths.peak_thrust, _largest_model_error(paths, believed))
+        pushes = np.where(engines.running, off * paths.peak_thrust, validity(paths, believed).residual)
         margin = replanning_margin(sampler.navigation, law.every, pushes)
         if first.firing is not None:
             margin += float(np.sort(first.deviation)[-2:].sum())
@@ -391,13 +394,6 @@ class Replanner:
             except Infeasible as error:
                 why.append(f"{share:g} of the margin: {error}")
         return None, why
-
-
-def _largest_model_error(paths: Path, field: Field) -> Floats:
-    """Return the largest model error along paths (N,) [m/s^2], for spacecraft that do not compensate it."""
-    times = np.linspace(float(paths.start[0]), float(paths.end[0]), SAMPLES)
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
-    return np.asarray(np.linalg.norm(left_out, axis=-1).max(axis=1))
 
 
 def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:

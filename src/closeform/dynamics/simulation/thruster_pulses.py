@@ -27,12 +27,11 @@ from closeform.dynamics.simulation.commands import (
     fires,
     impulse_until,
     joined,
-    thrust_changes,
+    thrust_jumps,
 )
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.fuel.chunks import PUSHES
 from closeform.fuel.firing import ThrusterFiring, fire_thrusters
 from closeform.fuel.pulses import Pulses, linked, one_table
 from closeform.fuel.thrusters import Thrusters, turn
@@ -85,22 +84,7 @@ def fire_plan(
             arcs = np.concatenate([arcs[~by_thrust], steady[k][compensated]])
             arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
         commanded.append(linked(one.orbit, arcs, ends_of(one)[0]))
-    try:
-        return _fire(stack(commanded), thrusters, mass, specific_impulse)
-    except Infeasible as error:
-        if PUSHES not in str(error) or not _can_fire(paths, thrusters):
-            raise
-        reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
-        raise Infeasible(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
-
-
-def _can_fire(paths: Path, thrusters: Sequence[ThrusterStages | None]) -> bool:
-    """Return True if the thrusters can fire the planned paths in Hill's equations."""
-    try:
-        _fire(paths[shooters(thrusters)], thrusters)
-    except Infeasible:
-        return False
-    return True
+    return _fire(stack(commanded), thrusters, mass, specific_impulse)
 
 
 def _fire(
@@ -169,7 +153,7 @@ def _compensated(
     """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.union1d(even, joined(np.concatenate([thrust_changes(paths)[0], bounds]), even))
+    edges = np.union1d(even, joined(np.concatenate([thrust_jumps(paths), bounds]), even))
     lengths = np.diff(edges)
     times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
