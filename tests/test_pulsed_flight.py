@@ -97,19 +97,24 @@ def test_thrusters_change_between_stages():
 
 
 def test_free_thrust_before_thrusters():
-    """Up to the change the simulation is that of free impulses, and from there on pulses follow the plan."""
+    """Each spacecraft moves by free impulses while it has no thrusters, and by pulses before or after."""
     path, change = of_two_stages()
-    later = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
-    mixed = cf.simulate(path, FIELD, navigation=SIGHT, thrusters=[{0.0: None, change: later}] * 2, seeds=2)
-    free = cf.simulate(path, FIELD, navigation=SIGHT, seeds=2)
-    assert (mixed.firing.pulses.start > change).all()
-    before = np.linspace(0.0, change, 50)
+    own = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
+    options = {"navigation": SIGHT, "seeds": 2}
+    mixed = cf.simulate(
+        path, FIELD, thrusters=[{0.0: None, change: own}, {0.0: own, change: None}], **options
+    )
+    free, pulsed = cf.simulate(path, FIELD, **options), cf.simulate(path, FIELD, thrusters=own, **options)
+    pulses = mixed.firing.pulses
+    assert ((pulses.start > change) == (pulses.craft == 0)).all()
+    before = np.linspace(0.0, change - 300.0, 50)  # the order before the change is cut by it
     for seed in range(2):
-        apart = mixed.path(seed).position(before) - free.path(seed).position(before)
-        assert np.abs(apart).max() < 0.01  # m; other steps
+        for craft, alike in ((0, free), (1, pulsed)):
+            apart = (one.path(seed)[craft].position(before) for one in (mixed, alike))
+            assert np.abs(np.subtract(*apart)).max() < 0.01  # m; other steps
     assert mixed.ends.max() < 5.0
     with pytest.raises(ValueError, match="thrusters: craft 0: change at 1 s, within a burn"):
-        cf.simulate(swap("energy")[0], FIELD, thrusters=[{0.0: later, 1.0: None}, None])
+        cf.simulate(swap("energy")[0], FIELD, thrusters=[{0.0: own, 1.0: None}, None])
 
 
 def test_corrections_respect_the_minimum_bit():

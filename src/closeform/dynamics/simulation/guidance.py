@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import extended_paths, impulses_of
 from closeform.dynamics.simulation.commands import (
     SAME,
@@ -165,18 +164,13 @@ class Guidance:
     def _output_times(self, rest: list[int], law: Feedback | None, lost: Floats) -> Floats:
         """Return the times at which all spacecraft have outputs, and those without thrusters changes."""
         times = [lost[np.isfinite(lost)]]
+        if self.firing is not None:
+            times.append(impulses_of(self.firing.path)[1])
         if rest:
             own = self.paths[rest]
             sharp = impulses_of(own)[1] if self.firing is not None else thrust_bends(own)
             times += [ThrustSpans.of(own, law).bounds, sharp]
         return reduce(np.union1d, times)
-
-    def _frame(self, first: int, commands: Commands, field: Field) -> ChiefFrame | None:
-        """Return the chief's frame in a field on the grid of commands, if it is known already."""
-        if field is not self.believed or commands.law is None or first not in self._pulsed:
-            return commands.frame if field is self.believed else None
-        known = self._pulsed[first].frame
-        return known if np.array_equal(known.times, commands.grid.times) else None
 
     def simulate(
         self,
@@ -199,7 +193,7 @@ class Guidance:
             if sampler is not None and measured is not None:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
-            done = propagate(commands, field, errors, own, self._frame(which[0], commands, field))
+            done = propagate(commands, field, errors, own)
             if commands.thrusters is None and parts:  # only the orders of thrusters are kept
                 shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
                 done = replace(done, fired=np.zeros(shape))

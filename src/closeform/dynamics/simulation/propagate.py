@@ -101,12 +101,13 @@ def propagate(
     if (kicks := free[grid.impulses >= 0]).any():
         arrivals = states.copy()
         arrivals[:, :, grid.outputs[(grid.impulses >= 0) & free], 3:] -= fired[:, :, kicks]
-        if commands.thrusters is not None:
-            fired[:, :, kicks] = 0.0  # only orders of thrusters are reported
+    fired_times = grid.impulse_times
+    if commands.thrusters is not None:  # only orders are reported
+        fired[:, :, kicks] = 0.0
+        orders = grid.feedback_impulses[grid.impulses >= 0] >= 0
+        fired, fired_times = fired[:, :, orders], fired_times[orders]
     delta_v, limited = spent[..., 0], spent[..., 1]
-    return Trajectories(
-        grid.output_times, states, arrivals, grid.impulse_times, fired, delta_v, nominal, limited
-    )
+    return Trajectories(grid.output_times, states, arrivals, fired_times, fired, delta_v, nominal, limited)
 
 
 def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:

@@ -229,13 +229,11 @@ def planned_delta_v(paths: Path, thrusters: Sequence[ThrusterStages | None], los
 class PulsedReference(NamedTuple):
     """Path of one spacecraft by its pulses, and by the plan on held coasts.
 
-    `missed`: the time and the state error at the start of each held coast. `frame`: that of the chief at half
-    steps.
+    `missed`: the time and the state error at the start of each held coast.
     """
 
     path: Path
     missed: tuple[tuple[float, Floats], ...]
-    frame: ChiefFrame
 
     @classmethod
     def of(
@@ -261,7 +259,7 @@ class PulsedReference(NamedTuple):
             found = propagate(part, field, SampledErrors.none(1), begin, during)
             missed.append((float(grid.nodes[last]), found.states[0, 0, -1] - states[0, shown[-1]]))
             states[0, shown], arrivals[0, shown] = found.states[0, 0], found.arrivals[0, 0]
-        return cls(plan.orbit._through(grid.output_times, states, arrivals), tuple(missed), frame)
+        return cls(plan.orbit._through(grid.output_times, states, arrivals), tuple(missed))
 
 
 def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int]]:
