@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, instance, number, numbers, of_each, shown
-from closeform.dynamics.force_model.forces import DEGREES, TABLEAU, accelerate, propagate_states
+from closeform.dynamics.force_model.forces import DEGREES, accelerate, propagate_states
 from closeform.exchange.chief import Chief
 from closeform.motion.construction.following import followed
 from closeform.motion.elements.frames import inertial_from_relative, relative_from_inertial
@@ -23,7 +23,7 @@ from closeform.motion.path import Path
 EARTH_ZONALS = (EARTH_J2, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
 GRAVITY_RADIUS = 6378136.3
 EARTH_SPIN = 7.292115e-5  # rad/s: GRS 80
-LONGEST = 30.0  # s: step of the chief's motion, with an error of 1e-9 m in low orbit
+LONGEST = 40.0  # s: step of the chief's motion; in low orbit its error is below rounding, about 1e-9 m
 DAY = 86400.0  # s
 TIGHT = 1e-12  # relative tolerance of the integrator for user functions
 # Steps of central differences about the chief: second-order terms cancel, those of third order are 1e-11
@@ -265,7 +265,7 @@ class Field:
 
         References
         ----------
-        Dormand and Prince's method of eighth order (Hairer, Norsett and Wanner 1993, II.10).
+        Extrapolation of the midpoint rule, to eighth order (Hairer, Norsett and Wanner 1993, II.9).
         """
         given = np.ravel(checked("times", times))
         if self.chief.ephemeris is not None:
@@ -408,7 +408,7 @@ class Field:
         since, out = times[order] - begin, np.empty((len(starts), len(times), 6))
         own = np.broadcast_to(np.asarray(ballistics, dtype=float), len(starts)).copy()
         if self.acceleration is None:
-            propagate_states(self._constants, own, np.ascontiguousarray(starts), since, LONGEST, TABLEAU, out)
+            propagate_states(self._constants, own, np.ascontiguousarray(starts), since, LONGEST, out)
         else:
             for row, start in zip(out, starts, strict=True):
                 row[since >= 0.0] = self._solve(start, begin, since[since >= 0.0])

@@ -8,17 +8,15 @@ An exponential atmosphere that rotates with the body gives
 
     -B/2 rho |w| w,  w = v - spin e_z x r,  B = Cd A/m                                       # theory (81)
 
-The integrator is the eighth-order method of Dormand and Prince (Hairer, Norsett, Wanner 1993, II.10).
+The integrator extrapolates the midpoint rule, to eighth order (Hairer, Norsett, Wanner 1993, II.9).
 """
 
 from math import exp, sqrt
 
-import numpy as np
 from numba import float64, void
 
 from closeform._jit import kernel
-from closeform.arrays import Floats
-from closeform.kernel_loans import borrowed, stack_vector
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 
 DEGREES = 5  # number of zonals, from the second degree on
 # Indices of the constants of a force model: gravity, then density [kg/m^3] at a radius [m], scale height [m]
@@ -28,83 +26,7 @@ DENSITY = ZONALS + DEGREES
 REFERENCE, SCALE_HEIGHT, SPIN = DENSITY + 1, DENSITY + 2, DENSITY + 3
 
 ROWS = float64[:, ::1]
-STAGES = 12
-# weights of earlier stages in each stage, and of all stages in the step
-WEIGHTS: tuple[dict[int, float], ...] = (
-    {},
-    {0: 0.05260015195876773},
-    {0: 0.0197250569845379, 1: 0.0591751709536137},
-    {0: 0.02958758547680685, 2: 0.08876275643042054},
-    {0: 0.2413651341592667, 2: -0.8845494793282861, 3: 0.924834003261792},
-    {0: 0.037037037037037035, 3: 0.17082860872947386, 4: 0.12546768756682242},
-    {0: 0.037109375, 3: 0.17025221101954405, 4: 0.06021653898045596, 5: -0.017578125},
-    {
-        0: 0.03709200011850479,
-        3: 0.17038392571223998,
-        4: 0.10726203044637328,
-        5: -0.015319437748624402,
-        6: 0.008273789163814023,
-    },
-    {
-        0: 0.6241109587160757,
-        3: -3.3608926294469414,
-        4: -0.868219346841726,
-        5: 27.59209969944671,
-        6: 20.154067550477894,
-        7: -43.48988418106996,
-    },
-    {
-        0: 0.47766253643826434,
-        3: -2.4881146199716677,
-        4: -0.590290826836843,
-        5: 21.230051448181193,
-        6: 15.279233632882423,
-        7: -33.28821096898486,
-        8: -0.020331201708508627,
-    },
-    {
-        0: -0.9371424300859873,
-        3: 5.186372428844064,
-        4: 1.0914373489967295,
-        5: -8.149787010746927,
-        6: -18.52006565999696,
-        7: 22.739487099350505,
-        8: 2.4936055526796523,
-        9: -3.0467644718982196,
-    },
-    {
-        0: 2.273310147516538,
-        3: -10.53449546673725,
-        4: -2.0008720582248625,
-        5: -17.9589318631188,
-        6: 27.94888452941996,
-        7: -2.8589982771350235,
-        8: -8.87285693353063,
-        9: 12.360567175794303,
-        10: 0.6433927460157636,
-    },
-    {
-        0: 0.054293734116568765,
-        5: 4.450312892752409,
-        6: 1.8915178993145003,
-        7: -5.801203960010585,
-        8: 0.3111643669578199,
-        9: -0.1521609496625161,
-        10: 0.20136540080403034,
-        11: 0.04471061572777259,
-    },
-)
-
-
-def tableau() -> Floats:
-    """Return the coefficients, the matrix A above the weights b, (13, 12)."""
-    table = np.zeros((STAGES + 1, STAGES))
-    for row, weights in zip(table, WEIGHTS, strict=True):
-        row[list(weights)] = list(weights.values())
-    return table
-
-
-TABLEAU: Floats = tableau()
+SHORT = 10.0  # s: a step up to which three sequences of substeps suffice, else four
 
 
 @kernel(inline=True)
@@ -167,16 +89,14 @@ def accelerate(constants, ballistics, states, out):
         accelerate_one(constants, ballistics[m], states[m], out[m])
 
 
-@kernel(void(float64[::1], float64[::1], ROWS, float64[::1], float64, ROWS, float64[:, :, ::1]))
-def propagate_states(constants, ballistics, starts, times, longest, tableau, out):
+@kernel(void(float64[::1], float64[::1], ROWS, float64[::1], float64, float64[:, :, ::1]))
+def propagate_states(constants, ballistics, starts, times, longest, out):
     """Fill `out` (M, T, 6) with the states of spacecraft that are at `starts` (M, 6) at time 0.
 
-    `times` (T,) are sorted. An explicit Runge-Kutta method with `tableau` (S + 1, S) takes steps of at most
-    `longest` [s], forward and backward from time 0.
+    `times` (T,) are sorted. Steps are at most `longest` [s], forward and backward from time 0.
     """
-    starts, out, tableau = borrowed(starts), borrowed(out), borrowed(tableau)
-    stages, count = tableau.shape[1], len(times)
-    state, middle, rates, force = stack_vector(6), stack_vector(6), np.empty((stages, 6)), stack_vector(3)
+    starts, out = borrowed(starts), borrowed(out)
+    count, state, work = len(times), stack_vector(6), stack_matrix(9, 6)
     for m in range(len(starts)):
         for direction in range(2):
             now = 0.0
@@ -189,24 +109,44 @@ def propagate_states(constants, ballistics, starts, times, longest, tableau, out
                 steps = int(abs(times[row] - now) / longest) + 1
                 h = (times[row] - now) / steps
                 for _ in range(steps if h != 0.0 else 0):
-                    runge_kutta_step(constants, ballistics[m], tableau, h, state, middle, rates, force)
+                    extrapolated_step(constants, ballistics[m], h, state, work)
                 now = times[row]
                 for k in range(6):
                     out[m, row, k] = state[k]
 
 
 @kernel()
-def runge_kutta_step(constants, ballistic, tableau, h, state, middle, rates, force):
-    """Advance a state (6,) by a step `h` [s]; overwrite the working arrays after it."""
-    stages = tableau.shape[1]
-    for stage in range(stages):
+def extrapolated_step(constants, ballistic, h, state, work):
+    """Advance a state (6,) by a step `h` [s]; overwrite the rows of `work` (9, 6).
+
+    The midpoint rule with n = 2, 4, 6 and 8 substeps has errors in even powers of the substep. The increments
+    of the state are extrapolated to none by Neville's scheme, of which `work` holds the last row.
+    """
+    first, rates, there, before, now = work[4], work[5], work[6], work[7], work[8]
+    rates_at(constants, ballistic, state, first)
+    sequences = 3 if abs(h) <= SHORT else 4
+    for row in range(sequences):
+        substep = h / (2 * row + 2)
         for k in range(6):
-            middle[k] = state[k]
-            for before in range(stage):
-                middle[k] += h * tableau[stage, before] * rates[before, k]
-        accelerate_one(constants, ballistic, middle, force)
-        for k in range(3):
-            rates[stage, k], rates[stage, 3 + k] = middle[3 + k], force[k]
+            before[k], now[k] = 0.0, substep * first[k]
+        for _ in range(2 * row + 1):
+            for k in range(6):
+                there[k] = state[k] + now[k]
+            rates_at(constants, ballistic, there, rates)
+            for k in range(6):
+                before[k], now[k] = now[k], before[k] + 2.0 * substep * rates[k]
+        for k in range(6):
+            for column in range(row):
+                finer = ((row + 1.0) / (row - column)) ** 2
+                now[k], work[column, k] = now[k] + (now[k] - work[column, k]) / (finer - 1.0), now[k]
+            work[row, k] = now[k]
     for k in range(6):
-        for stage in range(stages):
-            state[k] += h * tableau[stages, stage] * rates[stage, k]
+        state[k] += work[sequences - 1, k]
+
+
+@kernel()
+def rates_at(constants, ballistic, state, out):
+    """Fill `out` (6,) with the rates of a state (6,)."""
+    accelerate_one(constants, ballistic, state, out[3:])
+    for k in range(3):
+        out[k] = state[3 + k]
