@@ -96,6 +96,19 @@ def test_thrusters_change_between_stages():
     assert flights.delta_v == pytest.approx(both, rel=1e-9)
 
 
+def test_margins_of_thrusters_that_change():
+    path, change = of_two_stages()
+    first = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
+    second = cf.Thrusters.rtn(acceleration=3.0 * STRONG, minimum_bit=2e-3)
+    sets = [{0.0: first, change: second}] * 2
+    found = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrusters=sets)
+    flights = cf.simulate(path, FIELD, navigation=SIGHT, thrusters=sets, seeds=40)
+    assert (flights.deviations.max(axis=(0, 2)) < found.greatest).all()
+    assert (flights.deviations.max(axis=(0, 2)) > 0.2 * found.greatest).all()
+    with pytest.raises(ValueError, match="margins of pulses and of free thrust"):
+        cf.tracking_margins(path, FIELD, thrusters=[{0.0: None, change: second}, None])
+
+
 def test_free_thrust_before_thrusters():
     """Each spacecraft moves by free impulses while it has no thrusters, and by pulses before or after."""
     path, change = of_two_stages()

@@ -121,11 +121,13 @@ def simulate(
         If the plan has no paths, is in deep space, has another mean motion than the chief, or an argument
         has the wrong type.
 
-    Notes ----- Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity
-    of thrust. Feedback returns spacecraft to the plan. For thrusters, and for impulsive spans, the reference
-    is the motion without errors in the known field. Coasts that begin without an impulse and last for a
-    horizon or an orbit are held, also in a path of several stages. A field that is a function is evaluated
-    along a simulation without errors; nearby, the gradient of its zonals is used.
+    Notes
+    -----
+    Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity of thrust.
+    Feedback returns spacecraft to the plan. For thrusters, and for impulsive spans, the reference is the
+    motion without errors in the known field. Coasts that begin without an impulse and last for a horizon or
+    an orbit are held, also in a path of several stages. A field that is a function is evaluated along a
+    simulation without errors; nearby, the gradient of its zonals is used.
 
     References
     ----------
