@@ -8,12 +8,11 @@ import mpmath
 import numpy as np
 import pytest
 from numpy.polynomial import Legendre
-from scipy.integrate import DOP853, solve_ivp
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import closeform as cf
 from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
-from closeform.dynamics.force_model.propagation import tableau
 from closeform.dynamics.model_error_estimate import MOVES, model_error
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 
@@ -906,7 +905,3 @@ def test_thrust_that_varies_within_a_step():
     assert 100.0 * flight.least_ratio == pytest.approx(100.0 * nearest.ratio, abs=0.01)
     end = flight.states[0, 0, -1]
     assert end == pytest.approx(path.state(2000.0), abs=1e-3)  # position and velocity
-
-
-def test_dormand_prince_weights_are_scipys():
-    np.testing.assert_array_equal(tableau(), np.vstack([DOP853.A, DOP853.B]))

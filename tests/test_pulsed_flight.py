@@ -20,25 +20,26 @@ def swap(kind: str, turns: float = 0.45) -> tuple[cf.Path, float]:
 
 
 def on_times(
-    flights: cf.Simulation, seed: int, craft: int, pulses: Pulses
+    flights: cf.Simulation, seed: int, craft: int, pulses: Pulses, change: float = np.inf, later: float = 0.0
 ) -> list[tuple[float, float, np.ndarray]]:
     """Return start, end and thrust of each firing of a spacecraft: pulses, then corrections in the free time.
 
-    Free time is counted on a grid; the fired impulse is the commanded one.
+    Free time is counted on a grid; the fired impulse is the commanded one. From the `change` on thrusters of
+    an acceleration `later` replace those of STRONG.
     """
-    found = [
-        (start, start + lasts, axis * STRONG)
-        for start, lasts, axis in zip(pulses.start, pulses.duration, pulses.direction, strict=True)
-    ]
+    pushes = pulses.direction * (pulses.impulse / pulses.duration)[:, None]
+    found = list(zip(pulses.start, pulses.start + pulses.duration, pushes, strict=True))
     ends = [*flights.ordered[1:], flights.times[-1]]
     for begin, end, order in zip(flights.ordered, ends, flights.orders[seed, craft], strict=True):
+        strength = STRONG if begin < change else later
+        end = min(end, change) if begin < change else end
         for axis in np.flatnonzero(np.abs(order) > 1e-12):
             way = np.sign(order[axis]) * np.eye(3)[axis]
             grid = np.arange(begin, end, GRID)
             free = np.ones(len(grid), dtype=bool)
             for start, over, push in found[: len(pulses)]:
-                free &= ~((push @ way > 0.5 * STRONG) & (grid >= start) & (grid < over))
-            asked, left = max(round(abs(order[axis]) / STRONG / GRID), 1), grid[free]
+                free &= ~((push @ way > 0.5 * strength) & (grid >= start) & (grid < over))
+            asked, left = max(round(abs(order[axis]) / strength / GRID), 1), grid[free]
             on = left[(len(left) - asked) // 2 :][:asked]
             runs = np.split(on, np.flatnonzero(np.diff(on) > 1.5 * GRID) + 1)
             found += [(run[0], run[-1] + GRID, way * abs(order[axis]) / (asked * GRID)) for run in runs]
@@ -61,6 +62,72 @@ def test_simulated_states_agree_with_the_fired_pulses(kind, turns):
     assert np.abs(flights.orders[seed, craft]).sum() > 5e-3  # m/s: metres, by the end
     # m; burns end within steps of 5 s
     assert flights.states[seed, craft, -1, :3] == pytest.approx(end, abs=0.02)
+
+
+def of_two_stages() -> tuple[cf.Path, float]:
+    """Return impulses out and back with a coast between, and a time in that coast."""
+    start, final, duration = task(ORBIT, 7, count=2, size=40.0, turns=0.2)
+    there, wait = ORBIT.two_impulse(start, final, duration), ORBIT.coast(final, 900.0, duration)
+    back = ORBIT.two_impulse(wait.state(duration + 900.0), start, duration, duration + 900.0)
+    legs = [cf.join([there[k], wait[k], back[k]]) for k in range(2)]
+    return cf.stack(legs), duration + 450.0
+
+
+def test_thrusters_change_between_stages():
+    """Integrate pulses and corrections of the set in use; each set fires its own stage alone."""
+    path, change = of_two_stages()
+    first = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
+    second = cf.Thrusters.rtn(acceleration=3.0 * STRONG, minimum_bit=2e-3)
+    sets = [{0.0: first, change: second}] * 2
+    flights = cf.simulate(path, FIELD, thrusters=sets, navigation=SIGHT, seeds=2)
+    pulses, craft = flights.firing.pulses, 1
+    strengths = np.where(pulses.start < change, STRONG, 3.0 * STRONG)
+    assert pulses.impulse / pulses.duration == pytest.approx(strengths, rel=1e-9)
+    own = pulses[pulses.craft == craft]
+    fired = on_times(flights, 0, craft, own, change, 3.0 * STRONG)
+    begin = FIELD.chief_states(flights.times[:1])[0]
+    end = pushed(begin, flights.states[0, craft, 0], fired, (flights.times[0], flights.times[-1]))
+    after = flights.ordered > change
+    assert np.abs(flights.orders[0, craft, after]).sum() > 5e-3  # m/s, by the second set
+    assert flights.states[0, craft, -1, :3] == pytest.approx(end, abs=0.02)
+    sizes = np.abs(flights.orders[:, :, after])
+    assert sizes[sizes > 1e-12].min() >= 2e-3 * (1.0 - 1e-9)
+    both = flights.planned_delta_v + flights.field_delta_v + np.abs(flights.orders).sum(axis=(2, 3))
+    assert flights.delta_v == pytest.approx(both, rel=1e-9)
+
+
+def test_margins_of_thrusters_that_change():
+    path, change = of_two_stages()
+    first = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
+    second = cf.Thrusters.rtn(acceleration=3.0 * STRONG, minimum_bit=2e-3)
+    sets = [{0.0: first, change: second}] * 2
+    found = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrusters=sets)
+    flights = cf.simulate(path, FIELD, navigation=SIGHT, thrusters=sets, seeds=40)
+    assert (flights.deviations.max(axis=(0, 2)) < found.greatest).all()
+    assert (flights.deviations.max(axis=(0, 2)) > 0.2 * found.greatest).all()
+    with pytest.raises(ValueError, match="margins of pulses and of free thrust"):
+        cf.tracking_margins(path, FIELD, thrusters=[{0.0: None, change: second}, None])
+
+
+def test_free_thrust_before_thrusters():
+    """Each spacecraft moves by free impulses while it has no thrusters, and by pulses before or after."""
+    path, change = of_two_stages()
+    own = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
+    options = {"navigation": SIGHT, "seeds": 2}
+    mixed = cf.simulate(
+        path, FIELD, thrusters=[{0.0: None, change: own}, {0.0: own, change: None}], **options
+    )
+    free, pulsed = cf.simulate(path, FIELD, **options), cf.simulate(path, FIELD, thrusters=own, **options)
+    pulses = mixed.firing.pulses
+    assert ((pulses.start > change) == (pulses.craft == 0)).all()
+    before = np.linspace(0.0, change - 300.0, 50)  # the order before the change is cut by it
+    for seed in range(2):
+        for craft, alike in ((0, free), (1, pulsed)):
+            apart = (one.path(seed)[craft].position(before) for one in (mixed, alike))
+            assert np.abs(np.subtract(*apart)).max() < 0.01  # m; other steps
+    assert mixed.ends.max() < 5.0
+    with pytest.raises(ValueError, match="thrusters: craft 0: change at 1 s, within a burn"):
+        cf.simulate(swap("energy")[0], FIELD, thrusters=[{0.0: own, 1.0: None}, None])
 
 
 def test_corrections_respect_the_minimum_bit():

@@ -14,7 +14,7 @@ import closeform as cf
 from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
-from closeform.dynamics.force_model.drag import EARTH_SPIN
+from closeform.dynamics.force_model.field import EARTH_SPIN
 from closeform.mission.mission import plan_mission
 from closeform.report.mission_study import missions_report
 from closeform.scenario import parse

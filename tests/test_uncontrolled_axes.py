@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.dynamics.simulation.thruster_model import controllable_axes, lacks_axis
+from closeform.dynamics.simulation.thruster_pulses import controllable_axes, lacks_axis
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from field_scenario import swap

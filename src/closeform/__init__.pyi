@@ -29,10 +29,8 @@ from closeform.dynamics.compensated_thrust import (
     CompensatedThrust as CompensatedThrust,
     compensated_thrust as compensated_thrust,
 )
-from closeform.dynamics.force_model.drag import Drag as Drag
-from closeform.dynamics.control.feedback import Feedback as Feedback
-from closeform.dynamics.control.navigation import Navigation as Navigation
-from closeform.dynamics.force_model.field import Field as Field
+from closeform.dynamics.force_model.field import Drag as Drag, Field as Field
+from closeform.dynamics.control.feedback import Feedback as Feedback, Navigation as Navigation
 from closeform.dynamics.simulation.simulate import simulate as simulate
 from closeform.dynamics.simulation.simulation_result import Simulation as Simulation
 from closeform.dynamics.margins.fit_margin import fit_margin as fit_margin

@@ -33,7 +33,7 @@ ERRORS = (
     "uncertainty.covariance_propagation"
 )
 PROBABILITY = "uncertainty.collision.sampled_trajectories uncertainty.collision.entry_rate"
-FIELD = "dynamics.force_model.propagation dynamics.clearance"
+FIELD = "dynamics.force_model.forces dynamics.clearance"
 
 
 def modules_for(scenario: "Scenario") -> list[str]:

@@ -1,6 +1,6 @@
 """Minimum clearance ratio of each pair of spacecraft whose states are known at given times."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from math import inf, nan
 from typing import Any
 
@@ -12,12 +12,11 @@ from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, store
 from closeform.motion.extrema import advance, minimum_norm
-from closeform.zones.made_table import NONE
-from closeform.zones.pair_zones import PairZones, by_zone, pair_zones
+from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.shapes import FORM, norm
 from closeform.zones.zone import Zone
 
-FINER = 8  # samples of each cubic between two states
+NO_PAIRS = np.empty((0, 2), dtype=np.int64)
 BODIES = float64[:, :, ::1]
 
 
@@ -29,26 +28,32 @@ def clearance_ratios(
     `states` (N, T, 6) at `times` (T,) are joined by cubics, on which the minimum is certified like a closest
     approach. `arrivals` are the states before impulses at these times.
     """
-    if zones is None:
-        return np.empty((0, 2), dtype=np.int64), np.empty(0)
-    first, second = np.triu_indices(len(states), 1)
-    pairs = np.stack([first, second], axis=1)
-    which, shapes = _zones_of(first, second, len(states), zones)
-    least = np.full(len(pairs), inf)
-    known = [np.ascontiguousarray(one) for one in (states, arrivals, times)]
-    for k, some in by_zone(which):
+    known, pairs, least = [np.ascontiguousarray(one) for one in (states, arrivals, times)], [NO_PAIRS], []
+    for zone, some in _groups(len(states), zones):
         found = np.empty(len(some))
-        minimum_ratios(*known, first[some], second[some], shapes[k].form, found)
-        least[some] = found
-    return pairs[which != NONE], least[which != NONE]
+        minimum_ratios(*known, *np.ascontiguousarray(some.T), zone.form, found)
+        pairs.append(some)
+        least.append(found)
+    every = np.concatenate(pairs)
+    order = np.lexsort(every.T[::-1])
+    return every[order], np.concatenate([np.empty(0), *least])[order]
 
 
-def _zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tuple[Any, Sequence[Zone]]:
-    """Return the zone index of each pair (P,), and the zones."""
+def ratios_at_times(states: Floats, zones: Zone | PairZones) -> tuple[Any, Floats]:
+    """Return pairs i < j (P, 2) with a zone, and their clearance ratios (P, T) at states (N, T, 6)."""
+    pairs, ratios = [NO_PAIRS], [np.empty((0, states.shape[1]))]
+    for zone, some in _groups(len(states), zones):
+        pairs.append(some)
+        ratios.append(zone._norm(states[some[:, 0], :, :3] - states[some[:, 1], :, :3]))
+    return np.concatenate(pairs), np.concatenate(ratios)
+
+
+def _groups(count: int, zones: Zone | PairZones | None) -> Iterator[tuple[Zone, Any]]:
+    """Yield each zone and its pairs (M, 2) of `count` spacecraft; one zone applies to all pairs."""
     if isinstance(zones, Zone):
-        return np.zeros(len(first), dtype=np.int64), (zones,)
-    which = pair_zones("zones", zones, count).which(first, second)
-    return which, zones.zones
+        yield zones, np.stack(np.triu_indices(count, 1), axis=1)
+    elif zones is not None:
+        yield from pair_zones("zones", zones, count).groups()
 
 
 @kernel(void(BODIES, BODIES, float64[::1], int64[::1], int64[::1], FORM, float64[::1]))
@@ -117,36 +122,3 @@ def minimum_on_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: fl
             return best
         advance(q, 0.0, reached)
         stop, patience = stop - reached, LESS_PATIENCE
-
-
-def hermite_positions(one: Floats, two: Floats, step: Floats) -> Floats:
-    """Return positions (P, M + 1, 3) on the cubics between states (P, 6) that are `step` apart."""
-    s = np.linspace(0.0, 1.0, FINER + 1)[:, None]
-    a, b, va, vb = one[:, None, :3], two[:, None, :3], step * one[:, None, 3:], step * two[:, None, 3:]
-    ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * a + s * s * (3.0 - 2.0 * s) * b
-    return np.asarray(ends + s * (1.0 - s) ** 2 * va - s * s * (1.0 - s) * vb)
-
-
-def ratios_at_times(states: Floats, zones: Zone | PairZones) -> Floats:
-    """Return the minimum clearance ratio of all pairs of `states` (N, T, 6) at each time (T,).
-
-    inf without zones.
-    """
-    first, second = np.triu_indices(len(states), 1)
-    which, shapes = _zones_of(first, second, len(states), zones)
-    least = np.full(states.shape[1], np.inf)
-    for k, some in by_zone(which):
-        apart = states[first[some], :, :3] - states[second[some], :, :3]
-        least = np.minimum(least, shapes[k]._norm(apart).min(axis=0))
-    return least
-
-
-def closest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
-    """Return the two spacecraft with the minimum clearance ratio, from `states` (N, 6) at an instant."""
-    first, second = np.triu_indices(len(states), 1)
-    which, shapes = _zones_of(first, second, len(states), zones)
-    norms = np.full(len(first), np.inf)
-    for k, some in by_zone(which):
-        norms[some] = shapes[k]._norm(states[first[some], :3] - states[second[some], :3])
-    k = int(np.argmin(norms))
-    return int(first[k]), int(second[k])

@@ -14,6 +14,7 @@ from closeform.dynamics.force_model.field import Field, described
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.model_error import residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
+from closeform.dynamics.simulation.commands import ThrusterStages
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
@@ -173,7 +174,9 @@ def compensated_thrust(
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
-    own = () if thrusters is None else each_set(thrusters, len(paths), Thrusters)
+    own = list[ThrusterStages | None]()
+    if thrusters is not None:
+        own = ThrusterStages.of_each(each_set(thrusters, len(paths), Thrusters), paths)
     running = running_engines(engine, paths, field, own)
     if thrusters is None and (mass is not None or specific_impulse is not None):
         raise ValueError("mass: requires thrusters; give them, or omit mass")

@@ -14,7 +14,6 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.dynamics.clearance import clearance_ratios
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field, described
 from closeform.dynamics.force_model.hill_frame import ChiefFrame, applied
 from closeform.dynamics.planned_paths import checked_paths, impulses_of
@@ -176,7 +175,7 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
     """
     place, speed = states[..., :3], states[..., 3:]
     turn, swing = frame.rotation, np.cross(frame.rotation, place)
-    own = ballistics_of(field.drag, len(states))[:, None]
+    own = field._ballistics(len(states))[:, None]
     acceleration = field.accelerations(frame.times, frame.inertial(states), own) - frame.acceleration
     d = applied(frame.axes, acceleration)
     d -= 2.0 * np.cross(turn, speed) + np.cross(frame.rotation_rate, place) + np.cross(turn, swing)

@@ -75,7 +75,9 @@ def staged(
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
         known = () if replanned else tuple(results)  # replanning starts from newly measured states
         here = scenario.during(stage)
-        start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, executed=known)
+        start = StageStart(
+            *(here, orbit, number, states, begin, past, shares), errors=errors, executed=known, whole=scenario
+        )
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:

@@ -20,19 +20,18 @@ from closeform.dynamics.control.tracking_tube import Tube, tube
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import extended_paths
+from closeform.dynamics.simulation.commands import ThrusterStages
 from closeform.dynamics.simulation.random_errors import has_random_errors, seeds_of
 from closeform.dynamics.simulation.simulate import simulate
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.dynamics.simulation.thruster_model import controllable_axes, lacks_axis
-from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
+from closeform.dynamics.simulation.thruster_pulses import controllable_in_stages, lacks_axis, pulse_feedback
 from closeform.mission.mission_result import Stages
 from closeform.mission.simulation_verdict import Entered
-from closeform.mission.stage_start import followed
+from closeform.mission.stage_start import followed, thrusters_by_stage
 from closeform.mission.verdict import LostThrust, Use
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
-from closeform.scenario.checks import simulated_thrusters
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -99,7 +98,8 @@ class SimulatedRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own, pulsed = simulated_thrusters(run.scenario), fires_pulses(run)
+        own = thrusters_by_stage(run.scenario, [(one.start, one.stage) for one in run.executed])
+        pulsed = fires_pulses(run)
         plan = followed(run.executed) if pulsed else planned(run)
         arguments = arguments | {"feedback": arguments["feedback"] or usually_led(run, control)}
         if run.lost:
@@ -110,7 +110,9 @@ class SimulatedRun:
         if pulsed:
             arguments["thrusters"] = own
             if control != "replan":  # replanning chooses its own feedback for pulses
-                arguments["feedback"] = pulse_feedback(arguments["feedback"], own)
+                arguments["feedback"] = pulse_feedback(
+                    arguments["feedback"], ThrusterStages.of_each(own, plan)
+                )
         some = seeds if differs(control, arguments) else seeds_of(seeds)[:1]
         flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **arguments)
         if pulsed:  # deviations are relative to the certified paths, which are pulsed as well
@@ -178,9 +180,10 @@ class SimulatedRun:
         """Maximum uncontrolled deviation [m] of each spacecraft with a direction that has no thruster."""
         flight, found = self.flight, dict[str, float]()
         off = flight.states[..., :3] - flight.planned.position(flight.times)
-        for k, own in enumerate(self.arguments.get("thrusters", ())):
+        each = ThrusterStages.of_each(self.arguments.get("thrusters"), followed(self.run.executed))
+        for k, own in enumerate(each):
             if own is not None and lacks_axis(own):
-                led = controllable_axes(own, flight.orbit.mean_motion * flight.times)
+                led = controllable_in_stages(own, flight.times, flight.orbit.mean_motion)
                 aside = off[:, k] - np.einsum("tij,stj->sti", led, off[:, k])
                 found[self.names[k]] = float(np.linalg.norm(aside, axis=-1).max())
         return found
@@ -313,7 +316,7 @@ def differs(control: Control, arguments: dict[str, Any]) -> bool:
 
 
 def fires_pulses(run: Stages) -> bool:
-    """Return the default feedback of a run whose scenario specifies none."""
+    """Return True if a craft has thrusters in any stage."""
     return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from closeform.mission.stage_start import StageStart, followed
+from closeform.mission.stage_start import StageStart, followed, thrusters_by_stage
 from closeform.motion.path import Path
 from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint, Scenario
@@ -34,6 +34,8 @@ def with_margin(
 
     settings, known = start.scenario.flight, start.scenario.field
     assert known is not None
+    stages = [*((one.start, one.stage) for one in start.executed), (start.time, stage)]
+    thrusters = thrusters_by_stage(start.whole or start.scenario, stages)
     found = fit_margin(
         make,
         known._of(craft),
@@ -45,7 +47,7 @@ def with_margin(
         before=followed(start.executed)[craft] if start.executed else None,
         thrust_error=settings["thrust_error"][craft],
         errors=reference_errors(start, craft),
-        thrusters=[start.scenario.craft[k].fired(1.0) for k in craft],
+        thrusters=[thrusters[k] for k in craft],
         engine=settings["engine"][craft],
     )
     if found.fits or not found.plan.ok:

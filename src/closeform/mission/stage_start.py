@@ -21,13 +21,14 @@ from closeform.motion.joining import join, stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Destination, Joint, Scenario, Target, Transfer
-from closeform.scenario.stages import Cost
+from closeform.scenario.stages import Cost, StageTable
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
     from closeform.mission.mission_result import StageResult
 
+FIRING = "thrusters", "max_thrust", "acceleration", "minimum_bit", "period"  # keys of a craft's thrusters
 LATE = 1.0 + 1e-6  # multiple of the requested duration above which a stage is late
 KNOWN, LONGER = 10.0, 4.0  # orbits, and multiples of a move, for which coasts beside a chief are known
 Clear = Callable[[Floats], Any]  # final states (S, 6) -> mask (S,) of those outside of all zones
@@ -63,6 +64,7 @@ class StageStart:
     - `room`: reserve for thruster burns; with it, `time` is the later start of the plan.
     - `errors`: uncertainty of each spacecraft; empty if none has any.
     - `executed`: previous stages; empty if each stage is replanned from known states.
+    - `whole`: scenario of all stages; `scenario` has the engines of this one.
     """
 
     scenario: Scenario
@@ -75,6 +77,7 @@ class StageStart:
     room: BurnRoom = BurnRoom()
     errors: tuple[Any, ...] = ()
     executed: "tuple[StageResult[Any, Any], ...]" = ()
+    whole: Scenario | None = None
 
     def leaving(self, room: BurnRoom) -> Self:
         """Return the start of a plan that leaves the reserve `room`, after the coast before it."""
@@ -340,3 +343,24 @@ def too_late(
     room = start.room.time
     uses = tuple(use for use in short if use.exceeded)
     return Late(start.number, stage.verb, asked + room, took + room, uses)
+
+
+def thrusters_by_stage(
+    scenario: Scenario, stages: Sequence[tuple[float, StageTable]]
+) -> list[Thrusters | dict[float, Thrusters | None] | None]:
+    """Return the thrusters of each craft in stages, given with their start times [s], as for `simulate`.
+
+    None for a craft without any; a dict by start time for one whose thrusters differ between stages.
+    """
+    found = list[Thrusters | dict[float, Thrusters | None] | None]()
+    for k, name in enumerate(scenario.names):
+        sets, last = dict[float, Thrusters | None](), None
+        for start, stage in stages:
+            craft = scenario.craft_in(stage)[k]
+            if name not in stage.moving(scenario.names):
+                continue
+            if last is None or any(getattr(craft, key) != getattr(last, key) for key in FIRING):
+                sets[start], last = craft.fired(1.0), craft
+        own = list(sets.values()) or [scenario.craft[k].fired(1.0)]
+        found.append(own[0] if len(own) == 1 else sets if any(one is not None for one in own) else None)
+    return found

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
-from closeform.dynamics.clearance import closest_pair, ratios_at_times
+from closeform.dynamics.clearance import ratios_at_times
 from closeform.dynamics.control.tracking_tube import Tube
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, name_rows, series
@@ -87,12 +87,14 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     called = short_names(names, count)
     if count < 2:
         raise ValueError("flight: has one spacecraft and so no pair; give a simulation of two or more")
-    least = np.stack([ratios_at_times(one, zone) for one in flight.states])
+    every = [ratios_at_times(one, zone) for one in (*flight.states, flight.planned.state(flight.times))]
+    *flown, planned = (ratios.min(axis=0, initial=np.inf) for _, ratios in every)
+    least = np.stack(flown)
     if not np.isfinite(least).any():
         raise ValueError("zone: no pair has a zone; give one")
-    planned = ratios_at_times(flight.planned.state(flight.times), zone)
     run, step = (int(k) for k in np.unravel_index(int(np.argmin(least)), least.shape))
-    pair = " and ".join(called[k] for k in closest_pair(flight.states[run, :, step], zone))
+    pairs, ratios = every[run]
+    pair = " and ".join(called[k] for k in pairs[int(np.argmin(ratios[:, step]))])
     dot = (float(flight.times[step]), float(least[run, step]))
     words = ("each run", "median", f"closest approach, run {run}")
     curves = runs(flight, flight.times, least, run, words, dot, f"{pair}, {dot[1]:.4f} × zone")

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from closeform.fuel.thrusters import Thrusters
 from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.safety.failures import ThrustLost
@@ -466,7 +465,6 @@ def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
         )
 
 
-FIRING = "thrusters", "max_thrust", "acceleration", "minimum_bit", "period"  # fields of a Craft
 REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
 
 
@@ -512,13 +510,7 @@ def in_air(scenario: Scenario) -> Iterator[str]:
 
 
 def in_flight(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each setting that a simulation, or a margin for one, does not support."""
-    autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
-    if autos or scenario.flights is not None:
-        try:
-            simulated_thrusters(scenario)
-        except ValueError as error:
-            yield str(error)
+    """Yield an error line for each setting that a simulation does not support."""
     if scenario.flights is None:
         return
     if scenario.flights.control == "replan":
@@ -530,32 +522,6 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
     if scenario.flights.control == "replan" and fails:
         remedy = 'write control = "track", or remove it'
         yield f"study.vary.{shown(FAILS)}: cannot be combined with replanning; {remedy}"
-
-
-def simulated_thrusters(scenario: Scenario) -> list[Thrusters | None]:
-    """Return the thrusters of each craft, which are the same in all stages; None for a craft without any.
-
-    Raises ValueError, with the key of the stage, if a craft has other thrusters in that stage.
-    """
-    return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
-
-
-def throughout(scenario: Scenario, k: int) -> Craft:
-    """Return a craft with the engine that it uses in every stage in which it moves."""
-    name, first = scenario.names[k], None
-    for number, stage in enumerate(scenario.stages, 1):
-        if name not in stage.moving(scenario.names):
-            continue
-        craft = scenario.craft_in(stage)[k]
-        first = craft if first is None else first
-        differ = [key for key in FIRING if getattr(craft, key) != getattr(first, key)]
-        if differ and (craft.thrusters or first.thrusters) is not None:
-            raise ValueError(
-                f"stage[{number}].{Craft.key_of(differ[0])}: {name} uses a different value in an "
-                "earlier stage, but a simulation allows one set of thrusters per craft; use one set, or "
-                "write a separate file for each set"
-            )
-    return first or scenario.craft[k]
 
 
 def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -41,8 +41,7 @@ from closeform.scenario.table import (
 )
 
 if TYPE_CHECKING:
-    from closeform.dynamics.control.feedback import Feedback
-    from closeform.dynamics.control.navigation import Navigation
+    from closeform.dynamics.control.feedback import Feedback, Navigation
     from closeform.exchange.chief import Chief
 
 CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are useful
@@ -150,7 +149,7 @@ class NavigationTable(Table):
 
     def build(self) -> "Navigation":
         """Return the navigation that the table describes."""
-        from closeform.dynamics.control.navigation import Navigation
+        from closeform.dynamics.control.feedback import Navigation
 
         biases = self.position_bias, self.velocity_bias
         return Navigation(self.position, self.velocity, *biases, self.correlation)

@@ -97,8 +97,7 @@ class Scenario:
         table, chief = self.orbit.field, self.chief
         if table is None or chief is None:
             return None
-        from closeform.dynamics.force_model.drag import Drag
-        from closeform.dynamics.force_model.field import Field
+        from closeform.dynamics.force_model.field import Drag, Field
 
         drag = None
         if table.air is not None:

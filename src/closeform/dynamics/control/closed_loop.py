@@ -13,6 +13,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import (
     Feedback,
+    Navigation,
     impulse_effects,
     impulse_gains,
     impulse_slots,
@@ -20,7 +21,6 @@ from closeform.dynamics.control.feedback import (
     return_by_impulses,
     slots_before_next,
 )
-from closeform.dynamics.control.navigation import Navigation
 from closeform.motion.orbit import Orbit
 from closeform.uncertainty.white_noise import step_noise
 

@@ -12,8 +12,7 @@ from scipy import special
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.dynamics.control.closed_loop import ClosedLoop, greatest_sigma
-from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.control.navigation import Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback, Navigation, nonnegative
 from closeform.motion.elements.mean_motion import checked
 from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.result import Result

@@ -1,4 +1,4 @@
-"""Force model of a formation and its chief: gravity with zonals, drag, or a user function."""
+"""Force model of a formation and its chief: gravity with zonals, atmospheric drag, or a user function."""
 
 from __future__ import annotations
 
@@ -10,21 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.dynamics.force_model.drag import WIDTH, Drag, air_of, ballistics_of
-from closeform.dynamics.force_model.gravity import DEGREES
-from closeform.dynamics.force_model.propagation import TABLEAU, accelerate, propagate_states
+from closeform.arrays import Floats, broadcast, instance, number, numbers, of_each, shown
+from closeform.dynamics.force_model.forces import DEGREES, accelerate, propagate_states
 from closeform.exchange.chief import Chief
 from closeform.motion.construction.following import followed
 from closeform.motion.elements.frames import inertial_from_relative, relative_from_inertial
-from closeform.motion.elements.mean_motion import EARTH_J2, checked
+from closeform.motion.elements.mean_motion import EARTH_J2, EARTH_RADIUS, checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
 # J2 to J6 of JGM-3 (Tapley et al. 1996), about a radius of 6378136.3 m.
 EARTH_ZONALS = (EARTH_J2, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
 GRAVITY_RADIUS = 6378136.3
-LONGEST = 30.0  # s: step of the chief's motion, with an error of 1e-9 m in low orbit
+EARTH_SPIN = 7.292115e-5  # rad/s: GRS 80
+LONGEST = 40.0  # s: step of the chief's motion; in low orbit its error is below rounding, about 1e-9 m
 DAY = 86400.0  # s
 TIGHT = 1e-12  # relative tolerance of the integrator for user functions
 # Steps of central differences about the chief: second-order terms cancel, those of third order are 1e-11
@@ -32,6 +31,64 @@ TIGHT = 1e-12  # relative tolerance of the integrator for user functions
 BESIDE = np.repeat([10.0, 0.01], 3)  # m, m/s
 
 Acceleration = Callable[[Floats, Floats], ArrayLike]
+
+
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Exponential atmosphere, and the ballistic coefficients of a formation.
+
+    Parameters
+    ----------
+    density : float [kg/m^3]
+        Density at `altitude`.
+    altitude : float [m]
+        Reference altitude above the Earth's equatorial radius.
+    scale_height : float [m]
+        Height over which the density falls by a factor of e.
+    ballistic : array of shape (N,) [m^2/kg]
+        Drag coefficient times area over mass of each spacecraft, in the order of the paths; one number for
+        all. Any array_like is accepted.
+    chief : float [m^2/kg]
+        Coefficient of the chief; 0 for a reference orbit without drag.
+    spin : float [rad/s], default that of the Earth
+        Rotation rate of the atmosphere; 0 for an atmosphere at rest.
+
+    Raises
+    ------
+    ValueError
+        If a number is negative or not finite, or a density or scale height is not positive.
+
+    References
+    ----------
+    docs/theory.md (81).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> air = cf.Drag(5.2e-13, 500e3, 60e3, ballistic=[0.02, 0.022], chief=0.02)
+    """
+
+    density: float
+    altitude: float
+    scale_height: float
+    ballistic: Floats
+    chief: float
+    spin: float = EARTH_SPIN
+
+    def __post_init__(self) -> None:
+        for name in ("density", "scale_height"):
+            object.__setattr__(self, name, checked(name, number(name, getattr(self, name)), positive=True))
+        for name in ("altitude", "chief", "spin"):
+            object.__setattr__(self, name, checked(name, number(name, getattr(self, name))))
+        ballistic = numbers("ballistic", self.ballistic)
+        if (
+            ballistic.ndim > 1
+            or not (np.isfinite(ballistic) & (ballistic >= 0.0)).all()
+            or not self.chief >= 0.0
+        ):
+            got = shown(self.ballistic if self.chief >= 0.0 else self.chief)
+            raise ValueError(f"ballistic: expected m^2/kg of each craft, 0 or more, got {got}")
+        object.__setattr__(self, "ballistic", ballistic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +166,10 @@ class Field:
     @cached_property
     def _constants(self) -> Floats:
         """Constants of the field for kernels."""
-        row = np.array([self.chief.mu, self.radius, *self.zonals, *air_of(self.drag)])
-        assert len(row) == WIDTH
-        return row
+        air = 0.0, 0.0, 1.0, 0.0
+        if (own := self.drag) is not None:
+            air = own.density, EARTH_RADIUS + own.altitude, own.scale_height, own.spin
+        return np.array([self.chief.mu, self.radius, *self.zonals, *air])
 
     @cached_property
     def orbit(self) -> Orbit:
@@ -124,17 +182,19 @@ class Field:
         end = DAY
         if self.chief.ephemeris is not None:
             end = min(end, float(np.max(self.chief.ephemeris.times)))
-        times = np.linspace(0.0, end, 2 * int(end / (2.0 * LONGEST)) + 3)
+        times = np.linspace(0.0, end, int(end / LONGEST) + 2)
         states = self.chief_states(times)
         momentum = np.linalg.norm(np.cross(states[:, :3], states[:, 3:]), axis=1)
         spin = momentum / (states[:, :3] ** 2).sum(axis=1)
-        simpson = np.ones(len(times))
-        simpson[1:-1:2], simpson[2:-1:2] = 4.0, 2.0
-        return Orbit(float(spin @ simpson / simpson.sum()))
+        return Orbit(float(np.trapezoid(spin, times) / times[-1]))
 
     @property
     def _chief_ballistic(self) -> float:
         return 0.0 if self.drag is None else self.drag.chief
+
+    def _ballistics(self, count: int) -> Floats:
+        """Return the ballistic coefficients (N,) [m^2/kg] of `count` spacecraft; 0 without drag."""
+        return of_each("ballistic", 0.0 if self.drag is None else self.drag.ballistic, count)
 
     def accelerations(self, times: ArrayLike, states: ArrayLike, ballistics: ArrayLike = 0.0) -> Floats:
         """Return the accelerations of spacecraft.
@@ -205,7 +265,7 @@ class Field:
 
         References
         ----------
-        Dormand and Prince's method of eighth order (Hairer, Norsett and Wanner 1993, II.10).
+        Extrapolation of the midpoint rule, to eighth order (Hairer, Norsett and Wanner 1993, II.9).
         """
         given = np.ravel(checked("times", times))
         if self.chief.ephemeris is not None:
@@ -269,7 +329,7 @@ class Field:
         instance("orbit", orbit, Orbit, type(None))
         given, begin = checked("states", states, last=6), float(checked("start", number("start", start)))
         rows = np.ascontiguousarray(given.reshape(-1, 6))
-        ballistics = ballistics_of(self.drag, len(rows))
+        ballistics = self._ballistics(len(rows))
         chief, acceleration = self._chief_at(np.array([begin]))
         craft = inertial_from_relative(chief, rows, acceleration=acceleration)
 
@@ -334,7 +394,7 @@ class Field:
         `chief` (T, 6) and `acceleration` (T, 3): inertial states and accelerations of the chief.
         """
         craft = inertial_from_relative(chief[0], state, acceleration=acceleration[0])
-        states = self._propagate(craft[None], ballistics_of(self.drag, 1), float(times[0]), times)[0]
+        states = self._propagate(craft[None], self._ballistics(1), float(times[0]), times)[0]
         return np.asarray(relative_from_inertial(chief, states, acceleration=acceleration))
 
     def _chief_at(self, times: Floats) -> tuple[Floats, Floats]:
@@ -348,7 +408,7 @@ class Field:
         since, out = times[order] - begin, np.empty((len(starts), len(times), 6))
         own = np.broadcast_to(np.asarray(ballistics, dtype=float), len(starts)).copy()
         if self.acceleration is None:
-            propagate_states(self._constants, own, np.ascontiguousarray(starts), since, LONGEST, TABLEAU, out)
+            propagate_states(self._constants, own, np.ascontiguousarray(starts), since, LONGEST, out)
         else:
             for row, start in zip(out, starts, strict=True):
                 row[since >= 0.0] = self._solve(start, begin, since[since >= 0.0])

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, of_each, shown
-from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.control.navigation import Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback, Navigation, nonnegative
 from closeform.dynamics.control.tracking_tube import tube
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.tracking_margins import TrackingMargins, required_margins, tracking_margins
 from closeform.dynamics.planned_paths import appended_paths, checked_paths, extended_paths
-from closeform.dynamics.simulation.time_grid import SAME
+from closeform.dynamics.simulation.commands import SAME
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
@@ -82,7 +81,7 @@ def fit_margin(
     thrust_error: ArrayLike = (0.0, 0.0),
     errors: Any = None,
     minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+    thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     sigmas: float = 4.0,
     max_acceleration: ArrayLike | None = None,
     engine: ArrayLike = True,
@@ -120,7 +119,7 @@ def fit_margin(
         As in `tracking_margins`.
     minimum_bit : float [m/s], default 0
         As in `tracking_margins`.
-    thrusters : Thrusters or sequence of Thrusters or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
         As in `tracking_margins`.
     sigmas : float, no unit, default 4
         As in `tracking_margins`.

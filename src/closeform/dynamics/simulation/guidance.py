@@ -16,21 +16,23 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import extended_paths, impulses_of
-from closeform.dynamics.simulation.commands import Commands, Engines
+from closeform.dynamics.simulation.commands import (
+    SAME,
+    Commands,
+    Engines,
+    ThrusterModel,
+    ThrusterStages,
+    ThrustSpans,
+    thrust_bends,
+)
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retarget
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
 from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
-from closeform.dynamics.simulation.station_keeping import ThrustSpans
-from closeform.dynamics.simulation.thruster_model import ThrusterModel
 from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
-from closeform.dynamics.simulation.time_grid import SAME, thrust_bends
 from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
-from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
@@ -51,7 +53,7 @@ class Guidance:
     believed: Field
     law: Feedback | None
     cancel: bool
-    thrusters: Sequence[Thrusters | None]
+    thrusters: Sequence[ThrusterStages | None]
     impulses: Retargeted
     retargeted: Path
     firing: ThrusterFiring | None
@@ -62,7 +64,7 @@ class Guidance:
         paths: Path,
         believed: Field,
         law: Feedback | None,
-        thrusters: Sequence[Thrusters | None] = (),
+        thrusters: Sequence[ThrusterStages | None] = (),
         cancel: bool = True,
         mass: ArrayLike | None = None,
         specific_impulse: ArrayLike | None = None,
@@ -88,8 +90,9 @@ class Guidance:
             return {}
         firing, found = self.firing, {}
         for j, k in enumerate(shooters(self.thrusters)):
-            model = ThrusterModel.of(firing.thrusters[j], firing.pulses[firing.pulses.craft == j])
-            found[k] = firing.path[j : j + 1], model
+            if (own := self.thrusters[k]) is not None:
+                model = ThrusterModel.of(own, firing.pulses[firing.pulses.craft == j])
+                found[k] = firing.path[j : j + 1], model
         return found
 
     @cached_property
@@ -143,7 +146,7 @@ class Guidance:
 
         Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
         """
-        ballistics = ballistics_of(field.drag, len(self.paths))
+        ballistics = field._ballistics(len(self.paths))
         rest = [k for k in range(len(self.paths)) if k not in self._models]
         outputs = np.zeros(0) if span is not None else self._output_times(rest, law, engines.lost)
         pulsed = self.firing is not None
@@ -161,18 +164,13 @@ class Guidance:
     def _output_times(self, rest: list[int], law: Feedback | None, lost: Floats) -> Floats:
         """Return the times at which all spacecraft have outputs, and those without thrusters changes."""
         times = [lost[np.isfinite(lost)]]
+        if self.firing is not None:
+            times.append(impulses_of(self.firing.path)[1])
         if rest:
             own = self.paths[rest]
             sharp = impulses_of(own)[1] if self.firing is not None else thrust_bends(own)
             times += [ThrustSpans.of(own, law).bounds, sharp]
         return reduce(np.union1d, times)
-
-    def _frame(self, first: int, commands: Commands, field: Field) -> ChiefFrame | None:
-        """Return the chief's frame in a field on the grid of commands, if it is known already."""
-        if field is not self.believed or commands.law is None or first not in self._pulsed:
-            return commands.frame if field is self.believed else None
-        known = self._pulsed[first].frame
-        return known if np.array_equal(known.times, commands.grid.times) else None
 
     def simulate(
         self,
@@ -195,17 +193,10 @@ class Guidance:
             if sampler is not None and measured is not None:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
-            done = propagate(commands, field, errors, own, self._frame(which[0], commands, field))
+            done = propagate(commands, field, errors, own)
             if commands.thrusters is None and parts:  # only the orders of thrusters are kept
                 shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
                 done = replace(done, fired=np.zeros(shape))
             parts.append(done)
             craft += which
-        return parts[0] if len(parts) == 1 else _in_order(parts, craft)
-
-
-def _in_order(parts: Sequence[Trajectories], craft: Sequence[int]) -> Trajectories:
-    """Return the trajectories of all spacecraft, from parts whose spacecraft have the index `craft` (N,)."""
-    back, names = np.argsort(craft), ("states", "arrivals", "fired", "spent", "limited")
-    joined = {name: np.concatenate([getattr(one, name) for one in parts], 1)[:, back] for name in names}
-    return replace(parts[0], nominal=np.concatenate([one.nominal for one in parts])[back], **joined)
+        return Trajectories.joined(parts, 1, np.argsort(craft))

@@ -9,15 +9,13 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import impulses_of
-from closeform.dynamics.simulation.commands import Commands
+from closeform.dynamics.simulation.commands import SAME, Commands
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.dynamics.simulation.time_grid import SAME
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.result import Rows
@@ -72,7 +70,7 @@ def retarget(paths: Path, field: Field | None, law: Feedback | None = None) -> t
     craft, times, planned = impulses_of(paths)
     if field is None or not len(craft):
         return Retargeted(craft, times, planned, planned), paths
-    commands = Commands.of(paths, law, field, ballistics_of(field.drag, len(paths)))
+    commands = Commands.of(paths, law, field, field._ballistics(len(paths)))
     grid, frame = commands.grid, commands.frame_in(field)
     jumps, states = commands.jumps.copy(), paths.state(grid.output_times)
     for (first, last), which in _spans(commands).items():

@@ -12,7 +12,7 @@ from numba import float64, int64, types, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.dynamics.force_model.propagation import accelerate_lanes
+from closeform.dynamics.force_model.forces import accelerate_lanes
 from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
 
 LANES = 16  # simulations in parallel
@@ -25,8 +25,11 @@ SIDE, BIT, STRENGTH, THRUSTER = 0, 3, 4, 5  # of a thruster: direction, minimum 
 CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and the inverse of their directions
 
 
-class Stretch(NamedTuple):
-    """K steps of all simulations of N spacecraft: the motion of the chief, and the commands."""
+class Steps(NamedTuple):
+    """K steps of all simulations of N spacecraft: the motion of the chief, and the commands.
+
+    With M sets of thrusters there is one spacecraft.
+    """
 
     lengths: Floats  # (K,) [s]
     positions: Floats  # (2 K + 1, 3) [m] of the chief at half steps, inertial
@@ -51,13 +54,15 @@ class Stretch(NamedTuple):
     outputs: Any  # (K + 1,) row of the states that is filled, or -1
     impulses: Any  # (K + 1,) row of the impulses that is filled, or -1
     ballistics: Floats  # (N,) [m^2/kg]
-    limits: Floats  # (N,) [m/s^2], 0 without an engine or after its loss
-    bits: Floats  # (N,) [m/s], minimum impulse bit
-    thrusters: Floats  # (N, J, 5), see SIDE to STRENGTH; J = 0 for impulses in any direction
-    facets: Floats  # (N, F, 12), see CORNER and INVERSE
-    angles: Floats  # (N, K + 2) [rad] from the frame of the thrusters to the chief's axes
-    free: Floats  # (N, J, K + 2) [s], accumulated time without planned firing
-    order_ends: Any  # (K + 1,) node at which a thruster order ends; K + 1 for the last one
+    limits: Floats  # (N,) [m/s^2], 0 without an engine
+    losses: Any  # (N,) node at which the engine fails; K + 1 if it does not
+    minimum_bit: float  # [m/s]
+    thrusters: Floats  # (M, J, 5), see SIDE to STRENGTH
+    facets: Floats  # (M, F, 12), see CORNER and INVERSE
+    angles: Floats  # (M, K + 1) [rad] from the frame of the thrusters to the chief's axes
+    free: Floats  # (M, J, K + 1) [s], accumulated time without planned firing
+    sets: Any  # (K + 1,) set of thrusters in use from a node on, or -1 for thrust in any direction
+    order_ends: Any  # (K + 1,) node at which a thruster order ends
     planned_burns: Any  # (N, K) error event of the planned thrust in each step
     feedback_burns: Any  # (K,) error event of the feedback thrust in each step, or -1
     impulse_events: Any  # (K + 1,) error event of an impulse, or -1
@@ -67,14 +72,14 @@ class Stretch(NamedTuple):
 NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1]
 EACH = int64[:, ::1]
 FOUR = float64[:, :, :, ::1]
-STRETCH = types.NamedTuple(
+STEPS = types.NamedTuple(
     (
         *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, FOUR, BLOCKS, BLOCKS, WHICH),
         *(WHICH, BLOCKS, WHICH, BLOCKS),
-        *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, NUMBERS, BLOCKS, BLOCKS, ROWS),
-        *(BLOCKS, WHICH, EACH, WHICH, WHICH, ROWS),
+        *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, WHICH, float64, BLOCKS, BLOCKS, ROWS),
+        *(BLOCKS, WHICH, WHICH, EACH, WHICH, WHICH, ROWS),
     ),
-    Stretch,
+    Steps,
 )
 
 
@@ -87,14 +92,14 @@ def with_errors(lanes, m, row, x, y, z):
 
 
 @kernel()
-def feedback_impulse(stretch, lanes, m, node, out):
+def feedback_impulse(steps, lanes, m, node, out):
     """Fill `out` (3,) with the feedback impulse for the deviation in effect."""
     for axis in range(3):
         out[axis] = 0.0
-        if stretch.feedback_impulses[node] >= 0:
+        if steps.feedback_impulses[node] >= 0:
             for k in range(6):
                 out[axis] += (
-                    stretch.impulse_gains[stretch.feedback_impulses[node], axis, k] * lanes[BELIEVED + k, m]
+                    steps.impulse_gains[steps.feedback_impulses[node], axis, k] * lanes[BELIEVED + k, m]
                 )
 
 
@@ -122,19 +127,19 @@ def inertial(axes, turn, r, out):
 
 
 @kernel(inline=True)
-def load_errors(stretch, lanes, step, events):
+def load_errors(steps, lanes, step, events):
     """Load the errors of the planned thrust and of the feedback thrust in a step."""
     for m in range(len(events)):
-        own, back = stretch.planned_burns[int(lanes[CRAFT, m]), step], stretch.feedback_burns[step]
+        own, back = steps.planned_burns[int(lanes[CRAFT, m]), step], steps.feedback_burns[step]
         for k in range(4):
             lanes[OWN + k, m] = events[m, own, k]
             lanes[BACK + k, m] = events[m, back, k] if back >= 0 else 0.0
 
 
 @kernel()
-def add_noise(stretch, lanes, step, pushes):
+def add_noise(steps, lanes, step, pushes):
     """Add the process noise of a step, given as state increments in the chief's axes."""
-    axes, turn, added = stretch.axes[2 * step + 2], stretch.rotation[2 * step + 2], stack_vector(6)
+    axes, turn, added = steps.axes[2 * step + 2], steps.rotation[2 * step + 2], stack_vector(6)
     for m in range(len(pushes)):
         inertial(axes, turn, pushes[m, step], added)
         for k in range(6):
@@ -142,12 +147,12 @@ def add_noise(stretch, lanes, step, pushes):
 
 
 @kernel(inline=True)
-def thrust_of_step(stretch, lanes, step, half, weight, u, back, out):
+def thrust_of_step(steps, lanes, step, half, weight, u, back, out):
     """Fill `out` (3, LANES) with the inertial thrust in a step; add its weighted size to the delta-v."""
-    law, axes = stretch.law[stretch.law_rows[step] + half], stretch.axes[2 * step + half]
+    law, axes = steps.law[steps.law_rows[step] + half], steps.axes[2 * step + half]
     for m in range(LANES):
         for axis in range(3):
-            u[axis, m] = stretch.thrust[int(lanes[CRAFT, m]), step, half, axis]
+            u[axis, m] = steps.thrust[int(lanes[CRAFT, m]), step, half, axis]
             back[axis, m] = 0.0
             for k in range(6):
                 back[axis, m] += law[axis, k] * lanes[BELIEVED + k, m]
@@ -162,7 +167,7 @@ def thrust_of_step(stretch, lanes, step, half, weight, u, back, out):
             lanes, m, OWN, share * u[0, m], share * u[1, m], share * u[2, m]
         )
         u[0, m], u[1, m], u[2, m] = u[0, m] + x, u[1, m] + y, u[2, m] + z
-    if stretch.thrusters.shape[1] > 0:
+    if steps.sets[step] >= 0:
         for m in range(LANES):
             for k in range(3):
                 u[k, m] += lanes[BURN + k, m]
@@ -188,33 +193,35 @@ def add_gates_error(gates, normal, fired):
 
 
 @kernel()
-def fire_impulses(stretch, lanes, node, events, impulses, here):
+def fire_impulses(steps, lanes, node, events, impulses, here):
     """Apply the impulses at a node to lanes and to states `here` (6, LANES) in the chief's axes.
 
     Planned impulses and corrections are fired and recorded in `impulses` (W, Q, 3). With thrusters, orders
     replace them.
     """
-    fired, axes = stack_vector(3), stretch.axes[2 * node]
+    fired, axes = stack_vector(3), steps.axes[2 * node]
     for m in range(len(impulses)):
         i = int(lanes[CRAFT, m])
-        if stretch.thrusters.shape[1] > 0:
-            if stretch.feedback_impulses[node] >= 0 and lanes[LIMIT, m] > 0.0:
-                order_thrusters(stretch, lanes, m, node, fired)
-                for k in range(3):
-                    impulses[m, stretch.impulses[node], k] = fired[k]
+        if not lanes[LIMIT, m] > 0.0:
             continue
-        feedback_impulse(stretch, lanes, m, node, fired)
+        if steps.sets[node] >= 0:
+            if steps.feedback_impulses[node] >= 0:
+                order_thrusters(steps, lanes, m, node, fired)
+                for k in range(3):
+                    impulses[m, steps.impulses[node], k] = fired[k]
+            continue
+        feedback_impulse(steps, lanes, m, node, fired)
         for k in range(3):
-            fired[k] += stretch.planned_impulses[i, node, k]
+            fired[k] += steps.planned_impulses[i, node, k]
         size = sqrt(fired[0] * fired[0] + fired[1] * fired[1] + fired[2] * fired[2])
-        if size < stretch.bits[i]:
+        if size < steps.minimum_bit:
             continue
         lanes[SPENT, m] += size
         fired[0], fired[1], fired[2] = with_errors(lanes, m, NONE, fired[0], fired[1], fired[2])
         if events.shape[1] > 0:
-            add_gates_error(stretch.gates[i], events[m, stretch.impulse_events[node]], fired)
+            add_gates_error(steps.gates[i], events[m, steps.impulse_events[node]], fired)
         for k in range(3):
-            impulses[m, stretch.impulses[node], k] = fired[k]
+            impulses[m, steps.impulses[node], k] = fired[k]
             here[3 + k, m] += fired[k]
             lanes[Y + 3 + k, m] += axes[0, k] * fired[0] + axes[1, k] * fired[1] + axes[2, k] * fired[2]
 
@@ -226,19 +233,19 @@ def facet_share(facet, k, x, y, z):
 
 
 @kernel()
-def order_thrusters(stretch, lanes, m, node, given):
+def order_thrusters(steps, lanes, m, node, given):
     """Order the thrusters of a lane for the slot that begins at a node.
 
     The order holds for three thrusters: index, and on and off times, counted in time without planned firing
     and centred in the slot. `given` (3,) is the delta-v in the chief's axes, which is added to the spent one.
     A slot counts as limited if the thrusters cannot give the whole feedback.
     """
-    i, until, v = int(lanes[CRAFT, m]), stretch.order_ends[node], stack_vector(3)
-    feedback_impulse(stretch, lanes, m, node, v)
-    angle = 0.5 * (stretch.angles[i, node] + stretch.angles[i, until])
+    used, until, v = steps.sets[node], steps.order_ends[node], stack_vector(3)
+    feedback_impulse(steps, lanes, m, node, v)
+    angle = 0.5 * (steps.angles[used, node] + steps.angles[used, until])
     c, s = cos(angle), sin(angle)
     x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
-    facets = stretch.facets[i]
+    facets = steps.facets[used]
     best, least = 0, -1e300
     for f in range(len(facets)):
         lowest = 1e300
@@ -249,7 +256,7 @@ def order_thrusters(stretch, lanes, m, node, given):
     fx, fy, fz, short = 0.0, 0.0, 0.0, False
     for k in range(3):
         j = int(facets[best, CORNER + k])
-        own, free = stretch.thrusters[i, j], stretch.free[i, j]
+        own, free = steps.thrusters[used, j], steps.free[used, j]
         q = facet_share(facets[best], k, x, y, z)
         most = own[STRENGTH] * (free[until] - free[node])
         if q < own[BIT] or q <= 0.0:
@@ -267,25 +274,25 @@ def order_thrusters(stretch, lanes, m, node, given):
         fx, fy, fz = fx + q * own[SIDE], fy + q * own[SIDE + 1], fz + q * own[SIDE + 2]
     given[0], given[1], given[2] = c * fx + s * fy, c * fy - s * fx, fz
     if short:
-        never = stretch.free[i, stretch.free.shape[1] - 1]
+        never = steps.free[used, steps.free.shape[1] - 1]
         lanes[SPENT + 1, m] += never[until] - never[node]
 
 
 @kernel()
-def burn_thrusters(stretch, lanes, step):
+def burn_thrusters(steps, lanes, step):
     """Fill the mean thrust of ordered burns within a step, with errors."""
+    used = steps.sets[step]
     for m in range(LANES):
-        i = int(lanes[CRAFT, m])
         fx, fy, fz = 0.0, 0.0, 0.0
         for k in range(3):
             j = int(lanes[ORDER + 3 * k, m])
-            free, own = stretch.free[i, j], stretch.thrusters[i, j]
+            free, own = steps.free[used, j], steps.thrusters[used, j]
             lasts = min(lanes[ORDER + 3 * k + 2, m], free[step + 1])
             lasts -= max(lanes[ORDER + 3 * k + 1, m], free[step])
             if lasts > 0.0:
-                size = own[STRENGTH] * lasts / stretch.lengths[step]
+                size = own[STRENGTH] * lasts / steps.lengths[step]
                 fx, fy, fz = fx + size * own[SIDE], fy + size * own[SIDE + 1], fz + size * own[SIDE + 2]
-        angle = 0.5 * (stretch.angles[i, step] + stretch.angles[i, step + 1])
+        angle = 0.5 * (steps.angles[used, step] + steps.angles[used, step + 1])
         c, s = cos(angle), sin(angle)
         lanes[BURN, m], lanes[BURN + 1, m], lanes[BURN + 2, m] = with_errors(
             lanes, m, BACK, c * fx + s * fy, c * fy - s * fx, fz
@@ -293,14 +300,14 @@ def burn_thrusters(stretch, lanes, step):
 
 
 @kernel()
-def measure(stretch, lanes, node, wrong, here):
+def measure(steps, lanes, node, wrong, here):
     """Measure the deviations of states `here` (6, LANES) from the plan, with errors `wrong` (W, M, 6)."""
     for m in range(len(wrong)):
         i = int(lanes[CRAFT, m])
         for k in range(6):
-            jump = stretch.planned_impulses[i, node, k - 3] if k > 2 else 0.0
-            off = here[k, m] - stretch.reference[i, node, k]
-            lanes[SEEN + k, m] = off + wrong[m, stretch.measurements[node], k] + jump
+            jump = steps.planned_impulses[i, node, k - 3] if k > 2 else 0.0
+            off = here[k, m] - steps.reference[i, node, k]
+            lanes[SEEN + k, m] = off + wrong[m, steps.measurements[node], k] + jump
 
 
 @kernel()
@@ -319,7 +326,7 @@ def update_feedback(late, lanes):
 
 
 @kernel()
-def integrate_step(constants, stretch, step, lanes):
+def integrate_step(constants, steps, step, lanes):
     """Integrate one step with the classical fourth-order Runge-Kutta method."""
     u, thrust, force = stack_matrix(3, LANES), stack_matrix(3, LANES), stack_matrix(3, LANES)
     back = stack_matrix(3, LANES)
@@ -327,24 +334,24 @@ def integrate_step(constants, stretch, step, lanes):
     for m in range(LANES):
         for k in range(6):
             rate[k, m], after[k, m] = 0.0, lanes[Y + k, m]
-    h = stretch.lengths[step]
+    h = steps.lengths[step]
     for stage in range(4):
         half = (stage + 1) // 2
         share, weight = 0.5 * h * half, h / 6.0 if stage in (0, 3) else h / 3.0
         if stage != 2:  # both middle stages have the same thrust
-            thrust_of_step(stretch, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, back, thrust)
+            thrust_of_step(steps, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, back, thrust)
         node = 2 * step + half
-        place, speed, chief = stretch.positions[node], stretch.velocities[node], stretch.accelerations[node]
+        place, speed, chief = steps.positions[node], steps.velocities[node], steps.accelerations[node]
         for m in range(LANES):
             for k in range(3):
                 middle[k, m] = place[k] + (lanes[Y + k, m] + share * rate[k, m])
                 rate[k, m] = lanes[Y + 3 + k, m] + share * rate[3 + k, m]
                 middle[3 + k, m] = speed[k] + rate[k, m]
         accelerate_lanes(constants, lanes[BALLISTIC], middle, force)
-        if stretch.extra.shape[1] > 0:
+        if steps.extra.shape[1] > 0:
             for m in range(LANES):
                 for k in range(3):
-                    force[k, m] += stretch.extra[int(lanes[CRAFT, m]), step, half, k]
+                    force[k, m] += steps.extra[int(lanes[CRAFT, m]), step, half, k]
         for m in range(LANES):
             for k in range(3):
                 rate[3 + k, m] = force[k, m] - chief[k] + thrust[k, m]
@@ -356,73 +363,78 @@ def integrate_step(constants, stretch, step, lanes):
 
 
 @kernel()
-def load_lanes(stretch, first, errors, now, spent, lanes):
+def load_lanes(steps, first, begin, errors, lanes):
     """Fill lanes with rows from `first` on; repeat the last row if there are fewer."""
     there = stack_vector(6)
     for m in range(LANES):
-        row = min(first + m, len(now) - 1)
-        i = row % len(stretch.ballistics)
-        inertial(stretch.axes[0], stretch.rotation[0], now[row], there)
-        lanes[CRAFT, m], lanes[LIMIT, m], lanes[BALLISTIC, m] = i, stretch.limits[i], stretch.ballistics[i]
+        row = min(first + m, len(begin) - 1)
+        i = row % len(steps.ballistics)
+        inertial(steps.axes[0], steps.rotation[0], begin[row], there)
+        for k in range(LANE):
+            lanes[k, m] = 0.0
         for k in range(6):
-            lanes[Y + k, m], lanes[BELIEVED + k, m], lanes[SEEN + k, m] = (
-                there[k],
-                now[row, 6 + k],
-                now[row, 12 + k],
-            )
+            lanes[Y + k, m] = there[k]
         for k in range(4):
             lanes[ERROR + k, m] = errors[row, k]
-        for k in range(2):
-            lanes[SPENT + k, m] = spent[row, k]
-        for k in range(ORDER, LANE):
-            lanes[k, m] = 0.0
+        lanes[CRAFT, m], lanes[LIMIT, m], lanes[BALLISTIC, m] = i, steps.limits[i], steps.ballistics[i]
 
 
-@kernel(void(float64[::1], STRETCH, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS))
-def integrate(constants, stretch, wrong, errors, events, pushes, now, states, impulses, spent):
-    """Integrate S simulations of N spacecraft, R = S N, from `now` (R, 18), which receives the last values.
+@kernel()
+def change_engines(steps, node, lanes):
+    """End the orders of thrusters that are replaced at a node, and the thrust of engines that fail there."""
+    replaced = node > 0 and steps.sets[node] != steps.sets[node - 1]
+    for m in range(LANES):
+        lost = steps.losses[int(lanes[CRAFT, m])] == node
+        if lost:
+            lanes[LIMIT, m] = 0.0
+        if lost or replaced:
+            for k in range(ORDER, OWN):
+                lanes[k, m] = 0.0
 
-    `now` holds the states before impulses in the chief's axes, the deviations in effect for feedback, and
-    those measured. Fills `states` (R, T, 6) at shown nodes, after `impulses` (R, Q, 3) [m/s], or the delta-v
-    that thrusters are ordered to give from then on. Adds the delta-v [m/s] and the time at the thrust limit
-    [s] to `spent` (R, 2). Measurements have errors `wrong` (R, M, 6); thrust has `errors` (R, 4), of its size
-    and a small rotation. `events` (R, E, 4) are the same for continuous burns, and normal numbers for
-    impulses. Process noise adds `pushes` (R, K or 0, 6) to the states at the end of each step.
+
+@kernel(void(float64[::1], STEPS, ROWS, BLOCKS, ROWS, BLOCKS, BLOCKS, BLOCKS, BLOCKS, ROWS))
+def integrate(constants, steps, begin, wrong, errors, events, pushes, states, impulses, spent):
+    """Integrate S simulations of N spacecraft, R = S N, from states `begin` (R, 6) before impulses.
+
+    The states are in the chief's axes. Fills `states` (R, T, 6) at shown nodes, after `impulses` (R, Q, 3)
+    [m/s], or the delta-v that thrusters are ordered to give from then on, and `spent` (R, 2), the delta-v
+    [m/s] and the time at the thrust limit [s]. Measurements have errors `wrong` (R, M, 6); thrust has
+    `errors` (R, 4), of its size and a small rotation. `events` (R, E, 4) are the same for continuous burns,
+    and normal numbers for impulses. Process noise adds `pushes` (R, K or 0, 6) to the states at the end of
+    each step.
     """
-    stretch = lent(stretch)
-    wrong, errors, events, now = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(now)
+    steps = lent(steps)
+    wrong, errors, events, begin = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(begin)
     pushes = borrowed(pushes)
     states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
-    steps, lanes, here = len(stretch.lengths), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
-    for first in range(0, len(now), LANES):
-        some = slice(first, first + LANES)
-        load_lanes(stretch, first, errors, now, spent, lanes)
-        for node in range(steps + 1):
-            measured, updated = stretch.measurements[node], stretch.updates[node]
-            relative(stretch.axes[2 * node], stretch.rotation[2 * node], lanes, here)
+    last, lanes, here = len(steps.lengths), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
+    for first in range(0, len(begin), LANES):
+        some, count = slice(first, first + LANES), min(LANES, len(begin) - first)
+        load_lanes(steps, first, begin, errors, lanes)
+        for node in range(last + 1):
+            measured, updated = steps.measurements[node], steps.updates[node]
+            relative(steps.axes[2 * node], steps.rotation[2 * node], lanes, here)
+            change_engines(steps, node, lanes)
             if updated >= 0 and updated != measured:
-                update_feedback(stretch.prediction, lanes)
+                update_feedback(steps.prediction, lanes)
             if measured >= 0:
-                measure(stretch, lanes, node, wrong[some], here)
+                measure(steps, lanes, node, wrong[some], here)
                 if updated == measured:
-                    update_feedback(stretch.prediction, lanes)
-            if stretch.impulses[node] >= 0:
-                fire_impulses(stretch, lanes, node, events[some], impulses[some], here)
-            if stretch.outputs[node] >= 0:
-                for m in range(min(LANES, len(now) - first)):
+                    update_feedback(steps.prediction, lanes)
+            if steps.impulses[node] >= 0:
+                fire_impulses(steps, lanes, node, events[some], impulses[some], here)
+            if steps.outputs[node] >= 0:
+                for m in range(count):
                     for k in range(6):
-                        states[first + m, stretch.outputs[node], k] = here[k, m]
-            if node < steps:
+                        states[first + m, steps.outputs[node], k] = here[k, m]
+            if node < last:
                 if events.shape[1] > 0:
-                    load_errors(stretch, lanes, node, events[some])
-                if stretch.thrusters.shape[1] > 0:
-                    burn_thrusters(stretch, lanes, node)
-                integrate_step(constants, stretch, node, lanes)
+                    load_errors(steps, lanes, node, events[some])
+                if steps.sets[node] >= 0:
+                    burn_thrusters(steps, lanes, node)
+                integrate_step(constants, steps, node, lanes)
                 if pushes.shape[1] > 0:
-                    add_noise(stretch, lanes, node, pushes[some])
-        for m in range(min(LANES, len(now) - first)):
-            for k in range(6):
-                now[first + m, k] = here[k, m]
-                now[first + m, 6 + k], now[first + m, 12 + k] = lanes[BELIEVED + k, m], lanes[SEEN + k, m]
+                    add_noise(steps, lanes, node, pushes[some])
+        for m in range(count):
             for k in range(2):
                 spent[first + m, k] = lanes[SPENT + k, m]

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.dynamics.clearance import hermite_positions
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.planned_paths import impulses_of
 from closeform.motion.joining import drift
@@ -20,6 +19,7 @@ from closeform.zones.zone import Zone
 
 INSTANTS = 25  # sampled times of a loss, evenly over a path; half as many miss minima between impulses
 STEP = 60.0  # s: cubics over such steps are within a millimetre of a drift over a kilometre
+FINER = 8  # samples of each cubic between two states
 SAME = 1e-3  # s: an instant within this of an impulse is replaced by that of the impulse
 
 
@@ -43,7 +43,7 @@ class Loss:
         k = int(np.argmin(zone.norm(apart[:, :3])))
         some = slice(max(k - 1, 0), k + 2)
         steps = np.diff(self.times[some])
-        places = hermite_positions(apart[some][:-1], apart[some][1:], steps[:, None, None])
+        places = _positions_between(apart[some][:-1], apart[some][1:], steps[:, None, None])
         i, j = np.unravel_index(int(np.argmin(zone.norm(places))), places.shape[:2])
         time = self.times[some][i] + steps[i] * j / (places.shape[1] - 1)
         return float(time), float(np.linalg.norm(places[i, j]))
@@ -107,3 +107,11 @@ def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, i
         return field._of([k])._drift_from(state, times[i:], chief[i:], acceleration[i:])
 
     return drifting_in_field
+
+
+def _positions_between(one: Floats, two: Floats, step: Floats) -> Floats:
+    """Return positions (P, M + 1, 3) on the cubics between states (P, 6) that are `step` apart."""
+    s = np.linspace(0.0, 1.0, FINER + 1)[:, None]
+    a, b, va, vb = one[:, None, :3], two[:, None, :3], step * one[:, None, 3:], step * two[:, None, 3:]
+    ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * a + s * s * (3.0 - 2.0 * s) * b
+    return np.asarray(ends + s * (1.0 - s) ** 2 * va - s * s * (1.0 - s) * vb)

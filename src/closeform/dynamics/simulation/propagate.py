@@ -1,9 +1,9 @@
-"""Propagation of commanded spacecraft with sampled errors: stretches of steps for the integrator."""
+"""Propagation of commanded spacecraft with sampled errors."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,17 +15,17 @@ from closeform.dynamics.control.feedback import delay_transitions, impulse_gains
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.model_error import residuals
-from closeform.dynamics.simulation.commands import Commands
-from closeform.dynamics.simulation.integrator import FACET, THRUSTER, Stretch, integrate
-from closeform.dynamics.simulation.random_errors import ErrorEvents, SampledErrors
-from closeform.dynamics.simulation.thruster_model import impulse_until
-from closeform.dynamics.simulation.time_grid import BESIDE, SAME
+from closeform.dynamics.simulation.commands import BESIDE, SAME, Commands, ErrorEvents, impulse_until
+from closeform.dynamics.simulation.integrator import FACET, THRUSTER, Steps, integrate
+from closeform.dynamics.simulation.random_errors import SampledErrors
 from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
 ROUNDS = 2  # rounds of a simulation with a user function; the first has an error from the force gradient
+AT_ONCE = 20_000  # steps whose model error is computed together: more do not fit into caches
 FEW = 8  # fewer simulations do not justify a thread of their own
-STRETCH = 20_000  # steps in memory at the same time, about
+NONE, NONE_OF_EACH = np.empty(0, dtype=np.int64), np.empty((0, 0), dtype=np.int64)
+NO_EVENTS = ErrorEvents(NONE_OF_EACH, NONE, NONE, (0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,16 @@ class Trajectories:
     spent: Floats
     nominal: Floats
     limited: Floats
+
+    @classmethod
+    def joined(cls, parts: Sequence[Trajectories], axis: int, order: Any = slice(None)) -> Trajectories:
+        """Return the trajectories of seeds (axis 0) or of spacecraft (axis 1) as one, in an `order`."""
+        if len(parts) == 1:
+            return parts[0]
+        names, where = ("states", "arrivals", "fired", "spent", "limited"), (slice(None),) * axis + (order,)
+        each = {name: np.concatenate([getattr(one, name) for one in parts], axis)[where] for name in names}
+        nominal = np.concatenate([one.nominal for one in parts])[order] if axis else parts[0].nominal
+        return replace(parts[0], nominal=nominal, **each)
 
 
 def propagate(
@@ -73,43 +83,41 @@ def propagate(
         begin = first[:, STATE : STATE + 6].copy()
         begin[:, 3:] -= first[:, IMPULSE : IMPULSE + 3]
         begin = begin + errors.start
-    now = np.zeros((flights, count, 18))
-    now[..., :6] = begin
+    steps = _steps(commands, field, frame, around, errors)
+    starts = np.broadcast_to(begin, (flights, count, 6)).copy()
     states = np.empty((flights, count, int(grid.outputs.max()) + 1, 6))
     fired = np.zeros((flights, count, int(grid.impulses.max()) + 1, 3))
-    spent, nominal, step = np.zeros((flights, count, 2)), np.zeros(count), 0
-    for stretch in stretches(commands, field, frame, around, errors):
-        noise = np.ascontiguousarray(errors.noise[:, :, step : step + len(stretch.lengths)])
-        rows = errors.measured, errors.thrust, errors.events, noise, now, states, fired, spent
-        _in_threads(field, stretch, rows)
-        step += len(stretch.lengths)
-        size = np.minimum(np.linalg.norm(stretch.thrust, axis=3), stretch.limits[:, None, None])
-        nominal += size @ [1.0, 4.0, 1.0] @ stretch.lengths / 6.0  # the quadrature of the kernel
-        nominal += np.linalg.norm(stretch.planned_impulses, axis=2).sum(axis=1) * (stretch.limits > 0.0)
-    arrivals = states
+    spent = np.zeros((flights, count, 2))
+    given = errors.measured, errors.thrust, errors.events, np.ascontiguousarray(errors.noise)
+    _in_threads(field, steps, (starts, *given, states, fired, spent))
+    nominal, arrivals, free = _planned_delta_v(steps), states, steps.sets < 0
     if commands.thrusters is not None:  # the integrator counts simultaneous pulses as their sum
         over = min(float(grid.nodes[-1]), float(commands.engines.lost[0]))
         pulses = commands.thrusters.pulses
-        given = impulse_until(pulses, over) - impulse_until(pulses, min(float(grid.nodes[0]), over))
-        spent[..., 0] += given - nominal
-        nominal = np.array([given])
-    elif fired.size:
+        pulsed = impulse_until(pulses, over) - impulse_until(pulses, min(float(grid.nodes[0]), over))
+        changed = pulsed + _planned_delta_v(steps, free) - nominal
+        spent[..., 0] += changed
+        nominal = nominal + changed
+    if (kicks := free[grid.impulses >= 0]).any():
         arrivals = states.copy()
-        arrivals[:, :, grid.outputs[grid.impulses >= 0], 3:] -= fired
+        arrivals[:, :, grid.outputs[(grid.impulses >= 0) & free], 3:] -= fired[:, :, kicks]
+    fired_times = grid.impulse_times
+    if commands.thrusters is not None:  # only orders are reported
+        fired[:, :, kicks] = 0.0
+        orders = grid.feedback_impulses[grid.impulses >= 0] >= 0
+        fired, fired_times = fired[:, :, orders], fired_times[orders]
     delta_v, limited = spent[..., 0], spent[..., 1]
-    return Trajectories(
-        grid.output_times, states, arrivals, grid.impulse_times, fired, delta_v, nominal, limited
-    )
+    return Trajectories(grid.output_times, states, arrivals, fired_times, fired, delta_v, nominal, limited)
 
 
-def _in_threads(field: Field, stretch: Stretch, each: tuple[Floats, ...]) -> None:
-    """Integrate a stretch of all simulations on all cores; arrays of `each` are (S, N, ...)."""
+def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:
+    """Integrate all simulations on all cores; arrays of `each` are (S, N, ...)."""
     flights, count = each[0].shape[:2]
     flat = [rows.reshape(flights * count, *rows.shape[2:]) for rows in each]
 
     def some(part: slice) -> None:
         of_each = slice(part.start * count, part.stop * count)
-        integrate(field._constants, stretch, *(rows[of_each] for rows in flat))
+        integrate(field._constants, steps, *(rows[of_each] for rows in flat))
 
     size = max(FEW, -(-flights // (os.cpu_count() or 1)))
     parts = [slice(k, k + size) for k in range(0, flights, size)]
@@ -120,105 +128,88 @@ def _in_threads(field: Field, stretch: Stretch, each: tuple[Floats, ...]) -> Non
         list(pool.map(some, parts))
 
 
-def stretches(
+def _planned_delta_v(steps: Steps, some: Any = True) -> Floats:
+    """Return the delta-v of planned thrust and impulses (N,) [m/s], by the quadrature of the integrator.
+
+    `some` (K + 1,): nodes from which on it counts.
+    """
+    running = np.arange(len(steps.lengths) + 1) < np.where(steps.limits > 0.0, steps.losses, 0)[:, None]
+    running = running & some
+    size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, None, None])
+    thrust = size @ [1.0, 4.0, 1.0] * running[:, :-1] @ steps.lengths / 6.0
+    return np.asarray(thrust + (np.linalg.norm(steps.planned_impulses, axis=2) * running).sum(axis=1))
+
+
+def _steps(
     commands: Commands, field: Field, frame: ChiefFrame, around: Path | None, errors: SampledErrors
-) -> Iterator[Stretch]:
-    """Yield the stretches of a simulation, each up to a measurement or a loss of thrust."""
-    grid, law, orbit = commands.grid, commands.law, commands.path.orbit
+) -> Steps:
+    """Return the steps of simulations of commands, for the integrator."""
+    grid, path, law, engines = commands.grid, commands.path, commands.law, commands.engines
+    count, orbit, nodes = len(path), path.orbit, len(grid.nodes)
     rules, gains = np.zeros((len(grid.since), 3, 6)), np.zeros((0, 3, 6))
     late = np.stack([np.eye(6), np.zeros((6, 6))])
     if law is not None and law.impulses:
-        gains = impulse_gains(orbit, law, commands.thrusters is not None)[1]
+        kinds = (False,) if commands.thrusters is None else (False, True)
+        gains = np.concatenate([impulse_gains(orbit, law, burns)[1] for burns in kinds])
     elif law is not None:
         rules = optimal_return(orbit, law.horizon, grid.since)[2]
     if law is not None and law.delay > 0.0:
         late = np.stack(delay_transitions(orbit, law, grid.interval))
-    own_errors = errors.events.size
-    events = commands.events if own_errors else ErrorEvents.none(len(commands.path), grid)
-    ends = np.flatnonzero((grid.outputs if law is None else grid.measurements)[:-1] >= 0)[1:]
-    lost = np.searchsorted(grid.nodes, commands.engines.lost - SAME)
-    lost = lost[(lost > 0) & (lost < len(grid.rows))]
-    last, stops = 0, np.unique([*ends, len(grid.rows), *lost]).tolist()
-    for here, after in zip(stops, [*stops[1:], np.inf], strict=True):
-        if after - last > STRETCH or here in lost:
-            steps = slice(last, here)
-            own = *events.during(steps), errors.gates
-            yield _stretch(commands, field, frame, around, (rules, gains, late), steps, own)
-            last = here
-
-
-def _stretch(
-    commands: Commands,
-    field: Field,
-    frame: ChiefFrame,
-    around: Path | None,
-    feedback: tuple[Floats, Floats, Floats],
-    steps: slice,
-    errors: tuple[Any, Any, Any, Floats],
-) -> Stretch:
-    """Return the stretch of the given steps, with feedback rules, gains and delay matrices.
-
-    `errors`: the error events of burns and impulses, and their Gates parameters.
-    """
-    grid, path, count = commands.grid, commands.path, len(commands.path)
-    halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)
-    times, begins = grid.times[halves], grid.nodes[nodes]
-    lengths = np.diff(begins)
-    within = begins[:-1, None] + lengths[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
-    commanded = path.thrust(within.ravel()).reshape(count, -1, 3, 3)
-    compensated = commands.spans.compensated(times[1::2])
-    if commands.known is not None and commands.frame is not None and compensated.any():
-        there, n = commands.frame.during(halves), path.orbit.mean_motion
-        left_out = residuals(commands.known, there, path.state(times), n)
-        commanded -= _stepwise(left_out) * compensated[..., None, None]
-    here, unknown = frame.during(halves), np.zeros((count, 0, 3, 3))
+    beyond = np.zeros((count, 0, 3, 3))
     if around is not None:
-        unknown = _stepwise(_beyond_zonals(field, here, around.state(times)))
-    each = grid.measurements, grid.updates, grid.feedback_impulses, grid.impulses, grid.outputs
-    which = [part[nodes].copy() for part in each]
-    if steps.stop < len(grid.rows):  # what happens at the last node belongs to the next stretch
-        for part in which:
-            part[-1] = -1
-    if commands.law is None:
-        for part in which[:3]:
-            part[:] = -1
-    measured, updates, feedback_impulses, impulses, outputs = which
-    jumps, planned = np.zeros((count, len(begins), 3)), np.zeros((count, len(begins), 6))
-    jumps[:, impulses >= 0] = commands.jumps[:, impulses[impulses >= 0]]
-    if (seen := measured >= 0).any():
-        planned[:, seen] = commands.reference.state(begins[seen])
-    chief = here.states[:, :3], here.states[:, 3:], here.acceleration, here.axes, here.rotation
-    floats = [
-        np.ascontiguousarray(part, dtype=float)
-        for part in (lengths, *chief, commanded, unknown, jumps, planned)
-    ]
-    running = commands.engines.lost - SAME > begins[0]
-    limits = np.where(running, commands.engines.limits, 0.0)
-    bits = np.where(running, commands.engines.bits, np.inf)
-    rules, gains, late = feedback
-    laws = measured, updates, late, grid.rows[steps], rules, feedback_impulses, gains, outputs, impulses
-    orders = _thruster_rows(commands, steps, begins, feedback_impulses)
-    return Stretch._make([*floats, *laws, commands.ballistics, limits, bits, *orders, *errors])
-
-
-def _thruster_rows(
-    commands: Commands, steps: slice, begins: Floats, feedback_impulses: Any
-) -> tuple[Any, ...]:
-    """Return thrusters, facets, angles, free times and ends of orders of a stretch."""
-    grid, count, model = commands.grid, len(commands.path), commands.thrusters
-    ordered, coming = (
-        np.flatnonzero(feedback_impulses >= 0),
-        np.flatnonzero(grid.feedback_impulses[steps.stop :] >= 0),
+        beyond = _stepwise(_beyond_zonals(field, frame, around.state(grid.times)))
+    jumps, planned = np.zeros((count, nodes, 3)), np.zeros((count, nodes, 6))
+    jumps[:, grid.impulses >= 0] = commands.jumps
+    if (seen := grid.measurements >= 0).any():
+        planned[:, seen] = commands.reference.state(grid.nodes[seen])
+    chief = frame.states[:, :3], frame.states[:, 3:], frame.acceleration, frame.axes, frame.rotation
+    floats = np.diff(grid.nodes), *chief, _commanded_thrust(commands), beyond, jumps, planned
+    thrusters, sets, ends = _thruster_rows(commands)
+    corrections = np.where((grid.feedback_impulses >= 0) & (sets >= 0), len(gains) // 2, 0)
+    corrections += grid.feedback_impulses  # impulses, then burns of thrusters
+    laws = grid.measurements, grid.updates, late, grid.rows, rules, corrections, gains
+    lost = np.searchsorted(grid.nodes, engines.lost - SAME)
+    of_engines = commands.ballistics, engines.limits, lost, engines.minimum_bit
+    events = commands.events if errors.events.size else NO_EVENTS
+    return Steps._make(
+        [
+            *(np.ascontiguousarray(part, dtype=float) for part in floats),
+            *laws,
+            *(grid.outputs, grid.impulses, *of_engines, *thrusters, sets, ends),
+            *(events.planned, events.feedback, events.impulses, errors.gates),
+        ]
     )
-    over = steps.stop + coming[0] if len(coming) else len(grid.nodes) - 1
-    now = np.append(begins, grid.nodes[over])  # also the end of the last order
-    rows = np.zeros((0, THRUSTER)), np.zeros((0, FACET)), np.zeros(len(now)), np.zeros((0, len(now)))
-    if model is not None:
-        angles = commands.path.orbit.mean_motion * now * model.rotates
-        rows = model.thrusters, model.facets, angles, model.free(now)
-    slots = np.zeros(len(begins), dtype=np.int64)
-    slots[ordered] = [*ordered[1:], len(begins)][: len(ordered)]
-    return *(np.broadcast_to(one, (count, *one.shape)).copy() for one in rows), slots
+
+
+def _commanded_thrust(commands: Commands) -> Floats:
+    """Return the thrust (N, K, 3, 3) [m/s^2] at the start, middle and end of each step, without feedback."""
+    grid, path = commands.grid, commands.path
+    within = grid.nodes[:-1, None] + np.diff(grid.nodes)[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
+    thrust = path.thrust(within.ravel()).reshape(len(path), -1, 3, 3)
+    if commands.known is None or commands.frame is None:
+        return thrust
+    compensated = commands.spans.compensated(grid.times[1::2])
+    those, size = np.flatnonzero(compensated.any(axis=1)), max(AT_ONCE // len(grid.rows), 1)
+    for some in (those[k : k + size] for k in range(0, len(those), size)):
+        states, known = path[some].state(grid.times), commands.known._of(some)
+        left_out = residuals(known, commands.frame, states, path.orbit.mean_motion)
+        thrust[some] -= _stepwise(left_out) * compensated[some][..., None, None]
+    return thrust
+
+
+def _thruster_rows(commands: Commands) -> tuple[tuple[Floats, ...], Any, Any]:
+    """Return thrusters, facets, angles and free times, then the set in use, and the ends of orders."""
+    nodes, model = commands.grid.nodes, commands.thrusters
+    if model is None:
+        none = (0, 0, THRUSTER), (0, 0, FACET), (0, len(nodes)), (0, 0, len(nodes))
+        return tuple(map(np.zeros, none)), np.full(len(nodes), -1), np.zeros(len(nodes), dtype=np.int64)
+    angles = commands.path.orbit.mean_motion * nodes * model.rotates[:, None]
+    sets = model.used(nodes)
+    # an order ends with the next one, or where its thrusters are replaced
+    stops = (commands.grid.feedback_impulses >= 0) | (np.diff(sets, prepend=sets[0]) != 0)
+    stops = np.append(np.flatnonzero(stops), len(nodes) - 1)
+    ends = stops[np.minimum(np.searchsorted(stops, np.arange(len(nodes)), "right"), len(stops) - 1)]
+    return (model.thrusters, model.facets, angles, model.free(nodes)), sets, ends
 
 
 def _stepwise(values: Floats) -> Floats:

@@ -8,76 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, shown, whole
-from closeform.dynamics.control.navigation import Navigation
-from closeform.dynamics.simulation.time_grid import TimeGrid
-from closeform.motion.arc import END, START
+from closeform.dynamics.control.feedback import Navigation
+from closeform.dynamics.simulation.commands import Commands, ErrorEvents
 from closeform.motion.elements.mean_motion import checked
-from closeform.motion.path import Path
 from closeform.motion.steering import transition_matrices
-from closeform.uncertainty.error_columns import burn_ranges
 from closeform.uncertainty.white_noise import BLOCK, increments, instants_until, velocity_changes
 
 if TYPE_CHECKING:
-    from closeform.dynamics.simulation.commands import Commands
     from closeform.uncertainty.errors import Uncertainty
 
 # Random streams of a spacecraft: initial state; planned, feedback and impulsive burns; process noise.
 INITIAL, PLANNED, NOISE = 0, 1, 4
 HALVED = 9  # halvings of a block of process noise, down to velocity changes every 8 s
 NOISE_STEP = BLOCK / 2.0**HALVED
-
-
-class ErrorEvents(NamedTuple):
-    """Burns and impulses of N spacecraft in K steps, each with an error of its own.
-
-    `planned` (N, K) and `feedback` (K,) are the indices of the planned and the feedback thrust in a step, and
-    `impulses` (K + 1,) those of impulses; -1 for none. `counts` are the numbers of the three kinds.
-    """
-
-    planned: Any
-    feedback: Any
-    impulses: Any
-    counts: tuple[int, int, int]
-
-    @classmethod
-    def of(cls, paths: Path, grid: TimeGrid, continuous: bool, thrusters: bool) -> ErrorEvents:
-        """Return the events of paths (N,) with `continuous` feedback, or with feedback by `thrusters`."""
-        middle = grid.times[1::2]
-        edges = [burn_edges(paths[k]) for k in range(len(paths))]
-        planned = np.array([np.searchsorted(own, middle) for own in edges])
-        begins = grid.updates >= 0 if continuous else (grid.feedback_impulses >= 0) & thrusters
-        counts = max(map(len, edges)) + 1, int(begins.sum()), int(grid.impulses.max()) + 1
-        feedback = np.cumsum(begins)[:-1] - 1
-        feedback = np.where(feedback >= 0, counts[0] + feedback, -1)
-        impulses = np.where(grid.impulses >= 0, counts[0] + counts[1] + grid.impulses, -1)
-        return cls(planned, feedback, impulses, counts)
-
-    @classmethod
-    def none(cls, count: int, grid: TimeGrid) -> ErrorEvents:
-        """Return the events of spacecraft whose burns have no errors of their own."""
-        steps = len(grid.rows)
-        return cls(np.full((count, steps), -1), np.full(steps, -1), np.full(steps + 1, -1), (0, 0, 0))
-
-    def during(self, steps: slice) -> tuple[Any, Any, Any]:
-        """Return the indices during some steps."""
-        planned = np.ascontiguousarray(self.planned[:, steps])
-        return planned, self.feedback[steps].copy(), self.impulses[steps.start : steps.stop + 1].copy()
-
-
-def burn_edges(path: Path) -> Floats:
-    """Return the times at which burns of one spacecraft begin and end, within its path [s].
-
-    The thrust between two burns counts as one burn.
-    """
-    found = [time for a, b in burn_ranges(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
-    edges = np.unique(np.array(found))
-    return np.asarray(edges[(edges > path.start) & (edges < path.end)])
 
 
 class SampledErrors(NamedTuple):
@@ -147,9 +96,8 @@ class ErrorSampler:
         seen, thrust = (np.ascontiguousarray(part[:, which]) for part in measured)
         size = len(self.seeds), len(which)
         if self.errors is None:
-            nothing = SampledErrors.none(size[1])
-            events_of_none, noise = (np.zeros((*size, 0, k)) for k in (4, 6))
-            return SampledErrors(seen, thrust, np.zeros((*size, 6)), events_of_none, nothing.gates, noise)
+            begin, gates = np.zeros((*size, 6)), np.zeros((size[1], 4))
+            return SampledErrors(seen, thrust, begin, np.zeros((*size, 0, 4)), gates, np.zeros((*size, 0, 6)))
         each = [(seed, k) for seed in self.seeds for k in which]
         start = [self.errors[k]._root @ _stream(seed, k, INITIAL, leg).normal(size=6) for seed, k in each]
         events = commands.events

@@ -1,30 +1,44 @@
-"""Simulation of a plan in the high-fidelity model, with navigation and execution errors."""
+"""Simulation of a plan in the high-fidelity model, with navigation and execution errors.
+
+Open loop, tracking and replanning are one loop over legs. A plan is followed open loop or tracked in one leg.
+Replanning has a leg from each measurement to the next, and a new plan around the zones between legs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.dynamics.clearance import clearance_ratios
-from closeform.dynamics.control.feedback import Feedback, default_feedback
-from closeform.dynamics.control.navigation import Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.infeasible import Infeasible
+from closeform.dynamics.model_error import validity
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
-from closeform.dynamics.simulation.commands import Engines
-from closeform.dynamics.simulation.control_loop import ControlLoop, joined
+from closeform.dynamics.simulation.commands import Engines, ThrusterStages, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
+from closeform.dynamics.simulation.propagate import Trajectories
 from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of, thrust_errors
-from closeform.dynamics.simulation.replanning import Replanner
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.dynamics.simulation.thruster_pulses import planned_delta_v, pulse_feedback
-from closeform.fuel.thrusters import Thrusters, each_set
-from closeform.motion.path import fires_impulses
-from closeform.zones.pair_zones import PairZones
+from closeform.dynamics.simulation.thruster_pulses import divide_interval, planned_delta_v, pulse_feedback
+from closeform.fuel.pulses import Pulses, one_table
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.joining import stack
+from closeform.motion.path import Path, fires_impulses
+from closeform.planning.reconfigure import reconfigure
+from closeform.zones.made_table import NONE
+from closeform.zones.pair_zones import PairZones, pairs_of
 from closeform.zones.zone import Zone
+
+SIGMAS = 4.0
+# factors on the margin, tried in this order: a spacecraft measured inside a margin has no plan
+PADDED = (2.0, 1.0, 0.5)
 
 
 def simulate(
@@ -39,7 +53,7 @@ def simulate(
     thrust_error: ArrayLike = (0.0, 0.0),
     max_acceleration: ArrayLike | None = None,
     minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+    thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     seeds: int | Sequence[int] = 1,
     errors: Any = None,
     lost: ArrayLike | None = None,
@@ -77,9 +91,11 @@ def simulate(
         thrusters.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
-    thrusters : Thrusters or sequence of Thrusters or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
         Thrusters of all spacecraft, or of each that has some. They fire the compensated plan, and feedback
-        burns of at least one bit while they are not firing by plan.
+        burns of at least one bit while they are not firing by plan. A dict has the sets that a spacecraft
+        uses one after the other, by start time [s]; None for thrust without thrusters. They change while the
+        plan coasts.
     seeds : int or sequence of int, default 1
         Number of simulations, or the seed of each, which determines its errors.
     errors : Uncertainty or sequence of Uncertainty or None, optional
@@ -105,11 +121,13 @@ def simulate(
         If the plan has no paths, is in deep space, has another mean motion than the chief, or an argument
         has the wrong type.
 
-    Notes ----- Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity
-    of thrust. Feedback returns spacecraft to the plan. For thrusters, and for impulsive spans, the reference
-    is the motion without errors in the known field. Coasts that begin without an impulse and last for a
-    horizon or an orbit are held, also in a path of several stages. A field that is a function is evaluated
-    along a simulation without errors; nearby, the gradient of its zonals is used.
+    Notes
+    -----
+    Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity of thrust.
+    Feedback returns spacecraft to the plan. For thrusters, and for impulsive spans, the reference is the
+    motion without errors in the known field. Coasts that begin without an impulse and last for a horizon or
+    an orbit are held, also in a path of several stages. A field that is a function is evaluated along a
+    simulation without errors; nearby, the gradient of its zonals is used.
 
     References
     ----------
@@ -130,7 +148,7 @@ def simulate(
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
-    count, fires, own_sets = len(paths), fires_impulses(paths), each_set(thrusters, len(paths))
+    count, fires, own_sets = len(paths), fires_impulses(paths), ThrusterStages.of_each(thrusters, paths)
     pulsed = any(own is not None for own in own_sets)
     usual = default_feedback(control, fires or pulsed)
     asked_law = instance("feedback", usual if feedback is None else feedback, Feedback)
@@ -157,11 +175,12 @@ def simulate(
         law = pulse_feedback(law, own_sets)
     if control == "replan" and zones is not None and law is not None:
         planner = Replanner.of(paths, believed, own_sets, zones, law, engines, sampler)
-        law, first = planner.law, planner.first
+        law, first, instants = planner.law, planner.first, planner.instants
     else:
         first = Guidance.of(paths, believed, law, own_sets, cancel)
-    runs = ControlLoop(law, field, engines, planner).runs(first, sampler)
-    done = joined([run.done for run in runs])
+        instants = np.array(first.span)
+    runs = ControlLoop(law, field, engines, instants, planner).runs(first, sampler)
+    done = Trajectories.joined([run.done for run in runs], 0)
     nominal = done.nominal if planner is None else first.simulate(None, field, engines).nominal
     planned = planned_delta_v(paths, own_sets, lost_at)
     each = zip(done.states, done.arrivals, strict=True)
@@ -224,3 +243,177 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Float
             "max_acceleration: cannot be combined with impulses; remove it, or plan continuous thrust"
         )
     return limit
+
+
+class Run(NamedTuple):
+    """Simulations, their planned pulses, the number of new plans, and times and reasons of refused plans."""
+
+    done: Trajectories
+    pulses: Pulses | None
+    replans: int
+    refused: list[tuple[float, str]]
+
+
+class ControlLoop(NamedTuple):
+    """Loop in a field with a feedback `law`, or None for open-loop control, and a planner, if any.
+
+    A leg is from each of the `instants` (L + 1,) [s] to the next; between legs the planner makes a new plan.
+    """
+
+    law: Feedback | None
+    field: Field
+    engines: Engines
+    instants: Floats
+    planner: Replanner | None
+
+    def runs(self, first: Guidance, sampler: ErrorSampler) -> list[Run]:
+        """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
+        over = float(self.instants[-1] - self.instants[0])
+        looks = 0 if self.law is None else intervals_in(over, self.law.every)
+        seen, thrust = sampler.measured(looks + 1, over / max(looks, 1))
+        if self.planner is None:
+            return [self.run(first, sampler, seen, thrust)]
+        return [
+            self.run(first, replace(sampler, seeds=[seed]), one[None], off[None])
+            for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
+        ]
+
+    def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
+        """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+
+        Each leg has its own burns.
+        """
+        parts, pulses, refused, replans = list[Trajectories](), list[Pulses](), list[tuple[float, str]](), 0
+        planner, now, measured = self.planner, None, seen
+        for leg, span in enumerate(pairwise(self.instants.tolist())):
+            if planner is not None:
+                measured = seen[:, :, leg : leg + 1]
+                now = guidance.paths.state(span[0]) if now is None else now
+            if planner is not None and leg > 0 and self.instants[-1] - span[0] >= planner.law.horizon:
+                anew, why = planner.replan(now + measured[0, :, 0], span[0])
+                refused += [(span[0], one) for one in why]
+                if anew is not None:
+                    guidance, replans = anew, replans + 1
+            of_leg = None if planner is None else span, now, leg
+            errors = sampler, (measured, thrust), *of_leg
+            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))
+            pulses += guidance.pulses(span)
+            now = parts[-1].states[0, :, -1].copy()
+        fired = one_table(pulses) if pulses else None
+        if fired is not None:
+            fired = fired[np.lexsort((fired.start, fired.craft))]
+        return Run(_of_all_legs(parts), fired, replans, refused)
+
+
+def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
+    if len(parts) == 1:
+        return parts[0]
+    states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
+    return replace(
+        parts[0],
+        times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
+        states=states,
+        arrivals=states,
+        fired_times=np.concatenate([one.fired_times for one in parts]),
+        fired=np.concatenate([one.fired for one in parts], axis=2),
+        spent=np.sum([one.spent for one in parts], axis=0),
+        limited=np.sum([one.limited for one in parts], axis=0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Replanner:
+    """Planner of S simulations, which makes new plans with a `margin` [m] around the zones.
+
+    `first` is the guidance of the plan. A feedback `law` keeps spacecraft on the last plan, and `instants`
+    (M + 1,) [s] are the times of measurements, and the end.
+    """
+
+    first: Guidance
+    zones: Zone | PairZones
+    margin: float
+    law: Feedback
+    engines: Engines
+    instants: Floats
+
+    @classmethod
+    def of(
+        cls,
+        paths: Path,
+        believed: Field,
+        thrusters: Sequence[ThrusterStages | None],
+        zones: Zone | PairZones,
+        law: Feedback,
+        engines: Engines,
+        sampler: ErrorSampler,
+    ) -> Self:
+        """Return the planner with the margin for the errors."""
+        start, end = float(paths.start[0]), float(paths.end[0])
+        instants = np.linspace(start, end, intervals_in(end - start, law.every) + 1)
+        in_step = divide_interval(thrusters, float(instants[1] - instants[0]))
+        first = Guidance.of(paths, believed, None, in_step)
+        off = np.hypot(*sampler.sizes.T)
+        if sampler.errors is not None:
+            off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in sampler.errors])
+        pushes = np.where(engines.running, off * paths.peak_thrust, validity(paths, believed).residual)
+        margin = replanning_margin(sampler.navigation, law.every, pushes)
+        if first.firing is not None:
+            margin += float(np.sort(first.deviation)[-2:].sum())
+        law = replace(law, every=float(instants[1] - instants[0]))
+        return cls(first, zones, margin, law, engines, instants)
+
+    def replan(self, states: Floats, begin: float) -> tuple[Guidance | None, list[str]]:
+        """Return the guidance of a plan from measured states (N, 6), and why plans were refused."""
+        first, why = self.first, list[str]()
+        end, orbit = float(self.instants[-1]), first.paths.orbit
+        moving, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
+        limits = self.engines.limits[moving]
+        coasting = orbit.coast(states[rest], end - begin, begin)
+        order = np.concatenate([moving, rest])
+        zones = self.zones
+        if isinstance(zones, PairZones) and len(rest):
+            zones = _reordered(zones, order, len(moving))
+        for share in PADDED:
+            plan = reconfigure(
+                orbit,
+                states[moving],
+                first.paths.state(end)[moving],
+                end - begin,
+                zones,
+                start=begin,
+                obstacles=coasting,
+                max_acceleration=limits if np.isfinite(limits).all() else None,
+                if_blocked=("more sides",),
+                margin=share * self.margin,
+            )
+            try:
+                if plan.ok and plan.paths is not None:
+                    each = [part[k] for part in (plan.paths, coasting) for k in range(len(part))]
+                    paths = stack([each[k] for k in np.argsort(order)])
+                    return Guidance.of(paths, first.believed, None, first.thrusters), why
+                why.append(f"{share:g} of the margin: {plan.reason}")
+            except Infeasible as error:
+                why.append(f"{share:g} of the margin: {error}")
+        return None, why
+
+
+def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
+    """Return the zones of the same bodies in another order, the first `moving` of which move."""
+    count, found = len(zones), list[Zone]()
+    table = np.full((count + 1, count + 1), NONE)
+    for one, other in zip(*(k.tolist() for k in next(pairs_of(count))), strict=True):
+        if (zone := zones.between(order[one], order[other])) is not None:
+            table[one, other] = len(found)
+            found.append(zone)
+    return PairZones(tuple(found), np.arange(count), table, np.arange(count) < moving)
+
+
+def replanning_margin(sight: Navigation, every: float, pushes: Floats) -> float:
+    """Return the margin [m] for two spacecraft between measurements `every` [s] apart.
+
+    It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].
+    """
+    noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
+    constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)
+    return float(noise + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)

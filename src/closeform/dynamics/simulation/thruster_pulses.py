@@ -11,23 +11,30 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.model_error import residuals
-from closeform.dynamics.planned_paths import until_lost
-from closeform.dynamics.simulation.commands import Commands
+from closeform.dynamics.planned_paths import extended_paths, until_lost
+from closeform.dynamics.simulation.commands import (
+    BESIDE,
+    SAME,
+    Commands,
+    ThrusterModel,
+    ThrusterStages,
+    ThrustSpans,
+    TimeGrid,
+    fires,
+    impulse_until,
+    joined,
+    thrust_jumps,
+)
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.dynamics.simulation.station_keeping import ThrustSpans, fires
-from closeform.dynamics.simulation.thruster_model import ThrusterModel, controllable_axes, impulse_until
-from closeform.dynamics.simulation.time_grid import BESIDE, SAME, TimeGrid, joined, thrust_discontinuities
-from closeform.fuel.chunks import PUSHES
 from closeform.fuel.firing import ThrusterFiring, fire_thrusters
-from closeform.fuel.pulses import Pulses, linked
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.pulses import Pulses, linked, one_table
+from closeform.fuel.thrusters import Thrusters, turn
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of
@@ -36,9 +43,10 @@ from closeform.named_craft import named
 PIECE = 30.0  # s: length of an arc that interpolates the command at four instants
 INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
 ROUNDING = 1e-9  # of an interval between plans
+FLAT = 1e-9  # relative singular value below which directions span only a plane or a line
 
 
-def shooters(thrusters: Sequence[Thrusters | None]) -> list[int]:
+def shooters(thrusters: Sequence[ThrusterStages | None]) -> list[int]:
     """Return the indices of the spacecraft that have thrusters."""
     return [k for k, own in enumerate(thrusters) if own is not None]
 
@@ -47,7 +55,7 @@ def fire_plan(
     paths: Path,
     impulses: Retargeted,
     field: Field,
-    thrusters: Sequence[Thrusters | None],
+    thrusters: Sequence[ThrusterStages | None],
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
     law: Feedback | None = None,
@@ -58,13 +66,15 @@ def fire_plan(
     `law`, fire nothing. Along axes without a thruster the model error is not compensated.
     """
     spans, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
-    steady, firing = _compensated(paths, field, spans.bounds, thrusters), shooters(thrusters)
+    firing = shooters(thrusters)
+    bounds = np.concatenate([spans.bounds, *(own.starts[1:] for own in thrusters if own is not None)])
+    steady = _compensated(paths, field, bounds, thrusters)
     for k in firing:
         one, own, arcs = paths[k], spans.among([k]), paths[k].arcs.copy()
         fitted = thrusters[k]
         assert fitted is not None
         mine, planned = impulses.craft == k, impulses.planned[impulses.craft == k]
-        axes = controllable_axes(fitted, n * impulses.time[mine])
+        axes = controllable_in_stages(fitted, impulses.time[mine], n)
         changed = np.einsum("tij,tj->ti", axes, impulses.impulse[mine] - planned)
         arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
         if one.delta_v:
@@ -74,51 +84,82 @@ def fire_plan(
             arcs = np.concatenate([arcs[~by_thrust], steady[k][compensated]])
             arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
         commanded.append(linked(one.orbit, arcs, ends_of(one)[0]))
-    try:
-        return _fire(stack(commanded), thrusters, mass, specific_impulse)
-    except Infeasible as error:
-        if PUSHES not in str(error) or not _can_fire(paths, thrusters):
-            raise
-        reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
-        raise Infeasible(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
-
-
-def _can_fire(paths: Path, thrusters: Sequence[Thrusters | None]) -> bool:
-    """Return True if the thrusters can fire the planned paths in Hill's equations."""
-    try:
-        _fire(paths[shooters(thrusters)], thrusters)
-    except Infeasible:
-        return False
-    return True
+    return _fire(stack(commanded), thrusters, mass, specific_impulse)
 
 
 def _fire(
     paths: Path,
-    thrusters: Sequence[Thrusters | None],
+    thrusters: Sequence[ThrusterStages | None],
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
 ) -> ThrusterFiring:
     """Return the firing of the spacecraft that have thrusters. Raises Infeasible with the index among all."""
+    own = [one for one in thrusters if one is not None]
     try:
-        return fire_thrusters(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
+        if any(len(one.sets) > 1 for one in own):
+            return _fire_in_stages(paths, own)
+        return fire_thrusters(paths, [one.thrusters[0] for one in own], mass, specific_impulse)
     except ValueError as error:
         raise Infeasible(named(str(error), [f"craft {k}" for k in shooters(thrusters)])) from None
 
 
-def _compensated(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[Thrusters | None]) -> Floats:
+def _fire_in_stages(paths: Path, thrusters: Sequence[ThrusterStages]) -> ThrusterFiring:
+    """Return the firing of spacecraft (N,), some of which change thrusters; no bounds of their deviations."""
+    real, pulses, dropped = list[Path](), list[Pulses](), list[Pulses]()
+    for k, own in enumerate(thrusters):
+        arcs, begin = list[Floats](), ends_of(paths[k])[0]
+        for piece, used in own.pieces(paths[k]):
+            if used is not None:
+                fired = fire_thrusters(stack([piece]), used)
+                early, late = fired.path.start[0] < piece.start, fired.path.end[0] > piece.end
+                if (early and piece.start > paths[k].start) or (late and piece.end < paths[k].end):
+                    raise ValueError(
+                        f"thrusters: craft {k}: burns last beyond a change of thrusters, at "
+                        f"{piece.start:g} or {piece.end:g} s; plan a longer coast there"
+                    )
+                piece = fired.path[0]
+                pulses.append(replace(fired.pulses, craft=np.full(len(fired.pulses), k)))
+                dropped.append(replace(fired.dropped, craft=np.full(len(fired.dropped), k)))
+            if not arcs:
+                begin = ends_of(piece)[0]
+            arcs.append(piece.arcs)
+        real.append(linked(paths.orbit, np.concatenate(arcs), begin))
+    span = np.array([min(one.start for one in real), max(one.end for one in real)])
+    path, planned = extended_paths(stack(real), span), extended_paths(paths, span)
+    times = np.union1d(path.arcs[:, START], planned.arcs[:, START])
+    deviation = np.linalg.norm(path.position(times) - planned.position(times), axis=2).max(axis=1)
+    table, unknown = one_table(pulses), np.full(len(real), np.nan)
+    return ThrusterFiring(
+        path=path,
+        planned=planned,
+        thrusters=tuple(own.thrusters[0] for own in thrusters),
+        pulses=table,
+        dropped=one_table(dropped),
+        deviation=deviation,
+        deviation_bound=unknown,
+        dropped_deviation=unknown,
+        delta_v=np.bincount(table.craft, table.impulse, len(real)),
+        propellant=unknown,
+        conflicts=None,
+    )
+
+
+def _compensated(
+    paths: Path, field: Field, bounds: Floats, thrusters: Sequence[ThrusterStages | None]
+) -> Floats:
     """Return arcs (N, M, 30) of the thrust minus the model error; some end at `bounds` (B,) [s].
 
     The arcs have no states. The model error counts only along axes that `thrusters` control.
     """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.union1d(even, joined(np.concatenate([thrust_discontinuities(paths), bounds]), even))
+    edges = np.union1d(even, joined(np.concatenate([thrust_jumps(paths), bounds]), even))
     lengths = np.diff(edges)
     times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
     for k, own in enumerate(thrusters):
         if own is not None:
-            left_out[k] = np.einsum("tij,tj->ti", controllable_axes(own, n * times), left_out[k])
+            left_out[k] = np.einsum("tij,tj->ti", controllable_in_stages(own, times, n), left_out[k])
     thrust = paths.thrust(times) - left_out
     angle = n * lengths[:, None] * INSIDE
     # of 1, t, P1, P2
@@ -130,12 +171,13 @@ def _compensated(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[
     return arcs
 
 
-def pulse_feedback(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedback:
+def pulse_feedback(law: Feedback, thrusters: Sequence[ThrusterStages | None]) -> Feedback:
     """Return the feedback law for pulses: one pulse in each period of the spacecraft with the longest one.
 
     Raises Infeasible if thrusters would have to fire more often.
     """
-    longest = max((one.period or 0.0 for one in thrusters if one is not None), default=0.0)
+    own = [one for stages in thrusters if stages is not None for one in stages.thrusters]
+    longest = max((one.period or 0.0 for one in own), default=0.0)
     if law.delay:
         raise Infeasible("delay: requires continuous thrust, but thrusters fire pulses; remove it")
     if not law.impulses:
@@ -148,47 +190,50 @@ def pulse_feedback(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feed
     return law
 
 
-def divide_interval(thrusters: Sequence[Thrusters | None], every: float) -> list[Thrusters | None]:
+def divide_interval(thrusters: Sequence[ThrusterStages | None], every: float) -> list[ThrusterStages | None]:
     """Return thrusters with periods, no shorter, of which a whole number fits between two plans [s].
 
     The pulses up to a new plan then equal the thrust of the old one. Raises Infeasible if no period fits.
     """
-    found: list[Thrusters | None] = []
-    for own in thrusters:
+
+    def divided(own: Thrusters | None) -> Thrusters | None:
         if own is None or own.period is None:
-            found.append(own)
-            continue
+            return own
         if own.period > every * (1.0 + ROUNDING):
             raise Infeasible(
                 f"feedback: new plans {every:g} s apart, but thrusters fire once in {own.period:g} s; "
                 "increase `every`"
             )
-        found.append(replace(own, period=every / int(every / own.period + ROUNDING)))
-    return found
+        return replace(own, period=every / int(every / own.period + ROUNDING))
+
+    return [own and own._replace(sets=tuple(map(divided, own.sets))) for own in thrusters]
 
 
-def planned_delta_v(paths: Path, thrusters: Sequence[Thrusters | None], lost: Floats) -> Floats:
+def planned_delta_v(paths: Path, thrusters: Sequence[ThrusterStages | None], lost: Floats) -> Floats:
     """Return the delta-v of planned paths (N,) in Hill's equations [m/s], until thrust is `lost` (N,) [s].
 
     That of spacecraft with thrusters is counted per thruster.
     """
     planned, firing = np.array(until_lost(paths, lost).delta_v), shooters(thrusters)
-    if firing:
-        pulses = _fire(paths[firing], thrusters).pulses
-        planned[firing] = [impulse_until(pulses[pulses.craft == j], lost[k]) for j, k in enumerate(firing)]
+    pulses = _fire(paths[firing], thrusters).pulses if firing else None
+    for j, k in enumerate(firing):
+        own = thrusters[k]
+        assert own is not None
+        assert pulses is not None
+        free = [stack([piece]) for piece, used in own.pieces(paths[k]) if used is None]
+        planned[k] = impulse_until(pulses[pulses.craft == j], lost[k])
+        planned[k] += sum(float(until_lost(piece, lost[[k]]).delta_v[0]) for piece in free)
     return planned
 
 
 class PulsedReference(NamedTuple):
     """Path of one spacecraft by its pulses, and by the plan on held coasts.
 
-    `missed`: the time and the state error at the start of each held coast. `frame`: that of the chief at half
-    steps.
+    `missed`: the time and the state error at the start of each held coast.
     """
 
     path: Path
     missed: tuple[tuple[float, Floats], ...]
-    frame: ChiefFrame
 
     @classmethod
     def of(
@@ -198,10 +243,11 @@ class PulsedReference(NamedTuple):
 
         Each span of pulses starts from the planned state. Without feedback there is one span.
         """
-        own = fired, law, None, ballistics_of(field.drag, 1)
+        own = fired, law, None, field._ballistics(1)
         commands = Commands.of(*own, thrusters=model, pulsed=True, outputs=np.zeros(0))
         grid, frame, missed = commands.grid, commands.frame_in(field), []
         states = plan.state(grid.output_times)
+        arrivals = states.copy()
         whole = np.array([[grid.nodes[0], grid.nodes[-1]]])
         held = ThrustSpans.of(plan, law)
         spans = whole if law is None else np.concatenate([held.impulsive[0], held.continuous[0]])
@@ -210,10 +256,10 @@ class PulsedReference(NamedTuple):
             # a span that begins with an impulse starts before it
             begin = plan.state(grid.nodes[first]) if first else None
             during = frame.during(slice(2 * first, 2 * last + 1))
-            states_of_span = propagate(part, field, SampledErrors.none(1), begin, during).states[0, 0]
-            missed.append((float(grid.nodes[last]), states_of_span[-1] - states[0, shown[-1]]))
-            states[0, shown] = states_of_span
-        return cls(plan.orbit._through(grid.output_times, states), tuple(missed), frame)
+            found = propagate(part, field, SampledErrors.none(1), begin, during)
+            missed.append((float(grid.nodes[last]), found.states[0, 0, -1] - states[0, shown[-1]]))
+            states[0, shown], arrivals[0, shown] = found.states[0, 0], found.arrivals[0, 0]
+        return cls(plan.orbit._through(grid.output_times, states, arrivals), tuple(missed))
 
 
 def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int]]:
@@ -234,3 +280,28 @@ def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int
             found.pop()
         found.append((first, last))
     return [(int(shown[first]), int(shown[last])) for first, last in found]
+
+
+def controllable_axes(thrusters: Thrusters, angles: Floats) -> Floats:
+    """Return projections (T, 3, 3) onto the span of the thrusters, after rotations by `angles` (T,) [rad].
+
+    In the orbit's axes. For thrusters that control all axes the projection is the unit matrix.
+    """
+    sides, sizes, _ = np.linalg.svd(thrusters.directions.T, full_matrices=False)
+    span = sides[:, sizes > FLAT * sizes[0]]
+    turned = turn(angles if thrusters.frame == "inertial" else 0.0 * angles) @ span
+    return np.asarray(turned @ turned.swapaxes(-1, -2))
+
+
+def controllable_in_stages(own: ThrusterStages, times: Floats, n: float) -> Floats:
+    """Return the projections (T, 3, 3) of `controllable_axes` at times (T,), for the set in use."""
+    found, which = np.tile(np.eye(3), (len(times), 1, 1)), own.at(times)
+    for k, used in enumerate(own.sets):
+        if used is not None:
+            found[which == k] = controllable_axes(used, n * times[which == k])
+    return found
+
+
+def lacks_axis(own: ThrusterStages) -> bool:
+    """Return True if in any stage there is an axis along which no thruster acts in either direction."""
+    return any(np.linalg.matrix_rank(one.directions, tol=FLAT) < 3 for one in own.thrusters)
