@@ -64,7 +64,7 @@ from closeform.plots.drawing.style import (
 from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
-from closeform.zones.outlines import CIRCLE, drawn, section
+from closeform.zones.outlines import CIRCLE, drawn
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
@@ -419,10 +419,9 @@ def two_ways(
 ) -> Figure:
     """Plot the avoidance trajectories around one obstacle, each with its two legs: SP11 figure 2.
 
-    The left panel shows the orbital frame: the path, the zone at the obstacle's position at closest approach,
-    and the avoidance trajectories. Each is solid up to its own closest approach (initial leg) and dotted
-    after it (terminal leg). The right panel shows the motion relative to the obstacle, with a section of the
-    zone. If the path is clear, it is drawn alone.
+    The zone is drawn at the obstacle's position at closest approach. Each avoidance trajectory is solid up to
+    its own closest approach (initial leg) and dotted after it (terminal leg). If the path is clear, it is
+    drawn alone.
 
     Parameters
     ----------
@@ -442,102 +441,35 @@ def two_ways(
     if len(chosen) > 2:
         raise ValueError(f"ways: at most 2, got {len(chosen)}")
     (called,) = short_names([instance("name", name, str)], 1) if name is not None else ("obstacle",)
-
-    own: list[tuple[Path, float, str, str, float]] = [(path, near.time, BEFORE, "path", 1.0)]
     other = obstacle.position(near.time)
-    for k, avoidance in enumerate(chosen):
+    stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone)]
+    tracks = [Track(obstacle.position(instants(*shared, obstacle)), OTHER, 1.6, label=called)]
+    tracks += [track_of(path, BEFORE, 2.2, DASHED, "path"), *stretches(path, stays)]
+    marks = [Mark(other, OTHER, "s", label=f"{called} then")]
+    for k, (avoidance, tint) in enumerate(zip(chosen, (AFTER, ALTERNATIVE), strict=False), 1):
         common_time(avoidance, obstacle)
         at = closest_approach(avoidance, obstacle, zone).time
-        label = f"way {k + 1}, {extra_cost(path, avoidance)}"
-        own.append((avoidance, at, (AFTER, ALTERNATIVE)[k], label, (1.0, -1.0)[k]))
-    stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone) if stay.start < stay.end]
-    tracks = [Track(obstacle.position(instants(*shared, obstacle)), OTHER, 1.6, label=called)]
-    relative, marks, dots = list[Track](), list[Mark](), [Mark(ORIGIN, OTHER, "s", label=called)]
-    bases = [passing_plane(avoidance.state(at) - obstacle.state(at), side) for avoidance, at, *_, side in own]
-    bases[0] = bases[1] if len(bases) > 1 else bases[0]
-    for (avoidance, at, colour, label, _), basis in zip(own, bases, strict=True):
-        legs = [(avoidance.start, at, "-", ", initial leg"), (at, avoidance.end, DOTTED, ", terminal leg")]
-        if avoidance is path:
-            legs = [(avoidance.start, avoidance.end, DASHED, "")]
-            legs += [(start, end, "-", "in conflict") for start, end in stays]
-        for start, end, dashes, leg in legs:
-            if start >= end:
-                continue
-            hit = leg == "in conflict"
-            look: dict[str, Any] = {
-                "label": leg if hit else label + leg,
-                "arrow": not hit and dashes != DOTTED,
-            }
-            look |= {"colour": CONFLICT if hit else colour, "width": 4.5 if hit else 2.2, "dashes": dashes}
-            tracks.append(Track(avoidance.position(instants(start, end, avoidance)), **look))
-            start, end = max(start, shared[0]), min(end, shared[1])
+        for start, end, dashes, leg in (
+            (avoidance.start, at, "-", "initial"),
+            (at, avoidance.end, DOTTED, "terminal"),
+        ):
             if start < end:
-                times = instants(start, end, avoidance, obstacle)
-                relative.append(
-                    Track(flat(avoidance.position(times) - obstacle.position(times), basis), **look)
-                )
-        if avoidance is not path:
-            marks.append(Mark(avoidance.position(at), colour, size=8.0, order=5.0))
-            dots.append(
-                Mark(flat((avoidance.position(at) - obstacle.position(at))[None], basis)[0], colour, size=8.0)
-            )
+                words = f"way {k}, {extra_cost(path, avoidance)}, {leg} leg"
+                points = avoidance.position(instants(start, end, avoidance))
+                tracks.append(Track(points, tint, 2.2, dashes, words, leg == "initial"))
+        marks.append(Mark(avoidance.position(at), tint, size=8.0, order=5.0))
     first, last = path.position([path.start, path.end])
-    marks += [
-        Mark(first, INK, face="white", label="start"),
-        Mark(last, INK, label="end"),
-        Mark(other, OTHER, "s"),
-    ]
-
-    course = np.vstack([track.points for track in tracks[1:]])
-    pair, camera = max(PLANES, key=lambda plane: shown_well(course, [mark.point for mark in marks], plane[0]))
-    names = DIRECTIONS[pair[0]].name, DIRECTIONS[pair[1]].name
-    shape = Shape(zone, other, "zone at closest approach")
-    left = SquareView(
-        Scene(tracks, marks, [shape], "in the orbital frame"), camera, names, *around(camera(course))
-    )
-
-    def halves(axes: Axes, _: Camera, unit: float) -> None:
-        """Draw the section of the zone by the plane of each way, in its half of the figure."""
-        for sign, basis in ((1.0, bases[0]), (-1.0, bases[-1])):
-            outline = section(zone, basis) / unit
-            half = outline[sign * outline[:, 1] >= -1e-9]
-            axes.fill(*half.T, facecolor=ZONE, alpha=0.3)
-
-    reach = [float(np.linalg.norm(path.position(near.time) - other)), float(drawn(zone).extents.max())]
-    reach += [float(np.linalg.norm(dot.point)) for dot in dots]
-    seen = Scene(
-        relative, dots, title=f"relative to {'the obstacle' if name is None else called}", extras=[halves]
-    )
-    names = "along the relative motion", "perpendicular to it"
-    right = SquareView(seen, Camera(np.eye(3)), names, np.zeros(2), 1.6 * max(reach))
+    marks += [Mark(first, INK, face="white", label="start"), Mark(last, INK, label="end")]
     time = clock(path, path.start, path.end).text(near.time)
-    if near.ratio > 1:
-        return squares([left, right], f"No avoidance is needed: closest {near.ratio:.2f} × zone at {time}")
-    count = ("No avoidance trajectory", "One avoidance trajectory", "Two avoidance trajectories")[len(chosen)]
-    alone = ", none found on the other side" if len(chosen) == 1 else ""
-    return squares([left, right], f"{count} for the conflict at {time} ({near.ratio:.2f} × zone){alone}")
-
-
-def passing_plane(gap: Floats, side: float) -> Floats:
-    """Return unit vectors (2, 3) along the relative velocity of a state (6,) and towards the passing side."""
-    basis: list[Floats] = []
-    for vector in (gap[3:], side * gap[:3], *np.eye(3)):
-        size = np.linalg.norm(vector)
-        rest = vector - sum(((vector @ u) * u for u in basis), np.zeros(3))
-        if size > 0 and np.linalg.norm(rest) > 1e-6 * size:
-            basis.append(rest / np.linalg.norm(rest))
-    return np.array(basis[:2])
-
-
-def flat(points: Floats, basis: Floats) -> Floats:
-    """Return points (K, 3) in the coordinates of a plane (2, 3), with a third coordinate of zero."""
-    return np.pad(points @ basis.T, ((0, 0), (0, 1)))
-
-
-def shown_well(course: Floats, points: Sequence[Floats], pair: tuple[int, int]) -> float:
-    """Score a plane by the spread of the paths (K, 3) and of some points in it."""
-    long, wide = np.linalg.svd((course - course.mean(axis=0))[:, list(pair)], compute_uv=False)
-    return float(np.hypot(*np.ptp(points, axis=0)[list(pair)]) * (long + 3 * wide))
+    said = f"No avoidance is needed: closest {near.ratio:.2f} × zone at {time}"
+    if near.ratio <= 1:
+        count = ("No avoidance trajectory", "One avoidance trajectory", "Two avoidance trajectories")[
+            len(chosen)
+        ]
+        alone = ", none found on the other side" if len(chosen) == 1 else ""
+        said = f"{count} for the conflict at {time} ({near.ratio:.2f} × zone){alone}"
+    scene = Scene(tracks, marks, [Shape(zone, other, "zone at closest approach")])
+    return (in_planes if np.isfinite(path.orbit.period) else in_space)([scene], said)
 
 
 def extra_cost(path: Path, avoidance: Path) -> str:

@@ -29,7 +29,7 @@ from closeform.plots.drawing.style import (
     right_axis,
     time_axes,
 )
-from closeform.plots.drawing.text import NEAR, fonts, label
+from closeform.plots.drawing.text import short_names, word
 from closeform.search.lock_statistics import FINER, TimeHistogram
 from closeform.search.schedule import Search
 from closeform.uncertainty.probability import Probability
@@ -37,6 +37,7 @@ from closeform.uncertainty.probability import Probability
 BINS = 60  # maximum; few cases have twice the root of their number
 CURVE = "#7a2a10"
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
+LETTERS = 90.0  # of a label, over the whole width
 MOST, LONG = 12, 40  # maximum number of lines of a sweep, and characters of a name
 ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and over all bars
 FAR = 5.0  # times the largest value: a limit above that is not shown
@@ -166,17 +167,15 @@ def binned(times: TimeHistogram, search: Search | None = None, what: str = "pair
 
 def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) -> None:
     """Draw bands for the phases with their counts where there is room, and the ends of the turns."""
-    points, words = list[tuple[float, float]](), list[str]()
     for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
-        colour = PHASE_COLOURS.get(name, OTHER)
+        colour, text = PHASE_COLOURS.get(name, OTHER), f"{name} {turn}: {spaced(count)}"
         axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
         axes.axvline(end / unit.size, color=OTHER, linewidth=1.2)
-        if start < until:
-            points.append((0.5 * (start + min(end, until)) / unit.size, axes.get_ylim()[1] / 3.0))
-            words.append(f"{name} {turn}: {spaced(count)}")
+        if len(text) < LETTERS * (min(end, until) - start) / until:
+            middle = 0.5 * (start + min(end, until)) / unit.size
+            word(axes, (middle, axes.get_ylim()[1] / 2.0), text)
     for leg in search.legs:
         axes.axvline(leg.end / unit.size, ymax=0.76, color=BEFORE, linewidth=0.7, linestyle=(0, (3, 3)))
-    label(axes, np.array(points), words, spots=NEAR, first=NEAR - 2)
 
 
 def spaced(count: int) -> str:
@@ -223,8 +222,7 @@ def sweep(
     for name, part in parts.items():
         if part.shape != (len(called), len(where)) or not np.isfinite(part).all():
             raise ValueError(f"{name}: expected finite numbers of shape (K, P), K names, got {part.shape}")
-    words = [f"#{k}" if None in fonts(name) else name for k, name in enumerate(called[:MOST], 1)]
-    words = [name if len(name) <= LONG else f"{name[: LONG - 1]}…" for name in words]
+    words = short_names(called[:MOST], len(called[:MOST]), "lines", LONG)
     figure, (axes,) = chart(5.4)
     shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
     lines, step = [], min(ASIDE, SPREAD / shown.shape[1])

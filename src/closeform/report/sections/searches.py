@@ -579,7 +579,7 @@ def pictures(gathering: Gathering, names: Sequence[str], moving: bool) -> tuple[
     if moving:
         caption = "The gathering from the start of its search to its end"
         options = {"names": names, "frames": FRAMES}
-        found.append(Film("gathering", caption, "gatherings.reel", (gathering,), options, most=FILMED))
+        found.append(Film("gathering", caption, "animation", (gathering,), options, most=FILMED))
     for k, time in enumerate(moments(gathering), 1):
         caption = f"{time:.2f} s ({minutes(time)} min:s) after the start of the search"
         found.append(Picture(f"view-{k}", caption, "three_views", (gathering, time), {"names": names}))
