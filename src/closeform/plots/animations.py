@@ -107,7 +107,7 @@ class FormationFilm:
             axes.add_collection(LineCollection(lines, colors=faint, **still))
         self.strip = strip
         self.draw_strip(strip)
-        headline(self.figure, "M\nM")  # holds the place of two lines
+        headline(self.figure, "Mg\nMg")  # holds the place of two lines
 
     def draw_strip(self, axes: Axes) -> None:
         """Draw the minimum ratio of all pairs against time."""

@@ -315,7 +315,7 @@ class ThreeViews:
             width_ratios=[0.58, 0.42],
             height_ratios=[0.5, 0.5, 0.06],
         )
-        headline(self.figure, "M")  # holds the place of a line
+        headline(self.figure, "Mg")  # holds the place of a line
         shared = (gathering, self.knots, craft, self.names)
         self.oblique = Overview(axes["oblique"], "Oblique view", OBLIQUE, *shared)
         sun = Overview(axes["sun"], "Sun view", SUN_VIEW, *shared)
@@ -330,7 +330,8 @@ class ThreeViews:
         moment = Moment(self.gathering, self.knots, time)
         for part in self.parts:
             part.show(moment)
-        self.strip.plot([time, time], [-0.15, 1.15], color=CONFLICT, linewidth=3.0, clip_on=False)
+        look: dict[str, Any] = {"linewidth": 3.0, "clip_on": False, "in_layout": False}
+        self.strip.plot([time, time], [-0.15, 1.15], color=CONFLICT, **look)
         past = [event for event in self.gathering.events if event.time <= time]
         said = self.last_event(past) if past else "all spacecraft are lost"
         return wrapped(self.figure, f"{clock_text(time)}  {moment.leg.phase}: {said}")

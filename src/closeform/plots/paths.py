@@ -454,7 +454,7 @@ def two_ways(
             (at, avoidance.end, DOTTED, "terminal"),
         ):
             if start < end:
-                words = f"way {k}, {extra_cost(path, avoidance)}, {leg} leg"
+                words = f"way {k}, {extra_cost(path, avoidance)}" if leg == "initial" else "terminal leg"
                 points = avoidance.position(instants(start, end, avoidance))
                 tracks.append(Track(points, tint, 2.2, dashes, words, leg == "initial"))
         marks.append(Mark(avoidance.position(at), tint, size=8.0, order=5.0))
