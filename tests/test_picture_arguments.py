@@ -42,7 +42,6 @@ CALLS = {
         "path": [MOVE], "other": [STAYS], "zone": [BALL], "until": 1800.0, "labels": ["a"],
         "before": (MOVE, STAYS, BALL),
     },
-    "plots.flight_costs": {"flight": FLOWN, "names": ["a", "b"]},
     "plots.flight_deviations": {"flight": FLOWN, "tube": None, "names": ["a", "b"]},
     "plots.flight_paths": {"flight": FLOWN, "names": ["a", "b"]},
     "plots.flight_ratios": {"flight": FLOWN, "zone": BALL, "names": ["a", "b"]},

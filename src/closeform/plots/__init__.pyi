@@ -21,7 +21,6 @@ from closeform.plots.paths import tube as tube
 from closeform.plots.paths import two_ways as two_ways
 from closeform.plots.searches import in_plane_search as in_plane_search
 from closeform.plots.searches import manoeuvres as manoeuvres
-from closeform.plots.simulations import flight_costs as flight_costs
 from closeform.plots.simulations import flight_deviations as flight_deviations
 from closeform.plots.simulations import flight_ratios as flight_ratios
 from closeform.plots.studies import collision as collision

@@ -11,21 +11,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
+from closeform.plots.drawing import space
 from closeform.plots.drawing.charts import Curve, Panel, draw
 from closeform.plots.drawing.inputs import File, Zones, crafts, picture
 from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, name_moving, write_gif
 from closeform.plots.drawing.pairs import Pairs, ratio_text
 from closeform.plots.drawing.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
-from closeform.plots.drawing.space import (
-    AXES,
-    INERTIAL,
-    OBLIQUE,
-    ORBITAL,
-    PLANES,
-    Camera,
-    space_axes,
-    three_planes,
-)
 from closeform.plots.drawing.style import clock, dress, headline, instants, sheet, wrapped
 from closeform.plots.drawing.text import SMALL, short_names
 from closeform.plots.paths import NAMED, carries
@@ -86,18 +77,20 @@ class FormationFilm:
         self.ticks = clock(paths[0], self.start, self.end)
         reach = np.max([[0.0] * 3, *(drawn(one).extents for one in dict.fromkeys(self.pairs.zone))], axis=0)
         points = np.vstack([np.vstack(tracks) + sign * reach for sign in (-1.0, 1.0)])
-        self.views: list[tuple[Axes, Camera, float]]
+        self.views: list[tuple[Axes, space.Camera, float]]
         if np.isfinite(orbit.period):
-            self.figure, unit, ((*planes, space),) = three_planes(points, below=STRIP)
-            space_axes(space, ORBITAL(points), ORBITAL, AXES)
-            self.views = [(axes, camera, unit.size) for axes, (_, camera) in zip(planes, PLANES, strict=True)]
-            self.views.append((space, ORBITAL, 1.0))
+            self.figure, unit, ((*planes, oblique),) = space.three_planes(points, below=STRIP)
+            space.space_axes(oblique, space.ORBITAL(points), space.ORBITAL, space.AXES)
+            self.views = [
+                (axes, camera, unit.size) for axes, (_, camera) in zip(planes, space.PLANES, strict=True)
+            ]
+            self.views.append((oblique, space.ORBITAL, 1.0))
             strip = self.figure.add_subplot(planes[0].get_subplotspec().get_gridspec()[-1, :])  # type: ignore[union-attr]
         else:
             self.figure = sheet(8.2, 8.4)
             view, strip = self.figure.subplots(2, 1, height_ratios=[6.6, STRIP])
-            space_axes(view, OBLIQUE(points), OBLIQUE, INERTIAL)
-            self.views = [(view, OBLIQUE, 1.0)]
+            space.space_axes(view, space.OBLIQUE(points), space.OBLIQUE, space.INERTIAL)
+            self.views = [(view, space.OBLIQUE, 1.0)]
         count = len(paths)
         self.named = self.views[:3] if count <= FEW else self.views[:2][-1:] if count <= NAMED else []
         faint = np.column_stack([self.tints[:, :3], np.full(count, 0.22)])

@@ -20,20 +20,10 @@ from matplotlib.patches import Patch, Polygon
 from closeform.arrays import Floats, instance, number, whole
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
+from closeform.plots.drawing import space
 from closeform.plots.drawing.inputs import File, picture
 from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, name_moving, write_gif
 from closeform.plots.drawing.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
-from closeform.plots.drawing.space import (
-    GROUP_COLOURS,
-    OBLIQUE,
-    SUN_COLOUR,
-    Camera,
-    fitted,
-    ring,
-    solid,
-    space_axes,
-    triad,
-)
 from closeform.plots.drawing.style import DASHED, headline, legend, sheet, wrapped
 from closeform.plots.drawing.text import SMALL, plain, short_names, word
 from closeform.search.gathering.join_rule import FORMATION, LOST
@@ -43,7 +33,7 @@ from closeform.search.search_errors import SearchErrors, errors_of_each
 from closeform.search.slew_profile import ExecutedTurns
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
-SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
+SUN_VIEW = space.Camera(np.array([EAST, NORTH, SUN]))
 DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
 SEEN = 1e-6  # of the distance: tolerance, so that a pair is in lock at the time of its lock
 NARROWEST, SPACIOUS = 0.035, 0.35  # of the time strip: bands for a short and a full phase name
@@ -160,13 +150,13 @@ def clock_text(time: float) -> str:
 Cone = tuple[Floats, Floats, Floats, str]  # apex (3,), rim (K, 3) relative to it, shade (K, 3), and colour
 
 
-def cones(axes: Axes, camera: Camera, some: Sequence[Cone], width: float) -> None:
+def cones(axes: Axes, camera: space.Camera, some: Sequence[Cone], width: float) -> None:
     """Draw sensor cones and shades of spacecraft."""
     for apex, rim, shade, colour in some:
         mouth = camera(apex + rim)
         facing = 0.3 if camera.nearness(rim.mean(axis=0)) > 0.0 else 0.0
         edge: dict[str, Any] = {"edgecolor": tint(colour, 0.75), "linewidth": width}
-        axes.add_artist(Polygon(solid(camera, apex, apex + rim), facecolor=tint(colour, 0.2)))
+        axes.add_artist(Polygon(space.solid(camera, apex, apex + rim), facecolor=tint(colour, 0.2)))
         axes.add_artist(Polygon(mouth, facecolor=tint(colour, facing), **edge))
         rays = [[camera(apex), tip] for tip in mouth[:-1:12]]
         axes.add_artist(LineCollection(rays, colors=[tint(colour, 0.6)], linewidths=0.6 * width))
@@ -180,7 +170,7 @@ class Overview:
         self,
         axes: Axes,
         title: str,
-        camera: Camera,
+        camera: space.Camera,
         gathering: Gathering,
         knots: Sequence[Knots],
         craft: int,
@@ -195,7 +185,9 @@ class Overview:
         span = max(float(np.ptp(points, axis=0).max()), 10.0 * sensor.offset) or 10.0
         self.cone = min(sensor.range, (0.17 if self.few else 0.12) * span)
         self.shade, margin = max(sensor.offset, 0.017 * span), 0.9 * self.cone + sensor.offset
-        space_axes(axes, np.vstack([camera(points) - margin, camera(points) + margin]), camera, DIRECTIONS)
+        space.space_axes(
+            axes, np.vstack([camera(points) - margin, camera(points) + margin]), camera, DIRECTIONS
+        )
         axes.set_title(title, loc="left", fontsize=SMALL, color=INK)
         if self.few:
             pairs = [(i, j) for i, a in enumerate(groups) for j, b in enumerate(groups) if a < b]
@@ -217,9 +209,9 @@ class Overview:
         where, offset = moment.positions, self.gathering.search.sensor.offset
         some: list[Cone] = []
         for k in self.coned:
-            attitude, colour = moment.attitudes[k], GROUP_COLOURS[self.gathering.groups[k]]
-            rim = ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
-            shade = where[k] + ring(attitude[:, 0], pi / 2.0, self.shade)
+            attitude, colour = moment.attitudes[k], space.GROUP_COLOURS[self.gathering.groups[k]]
+            rim = space.ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
+            shade = where[k] + space.ring(attitude[:, 0], pi / 2.0, self.shade)
             some.append((where[k] + offset * attitude[:, 2], rim, shade, colour))
         cones(self.axes, self.camera, some, 0.9)
         trails, seen = moment.trails, moment.in_lock(self.pairs)
@@ -243,16 +235,16 @@ class CloseUp:
 
     def __init__(self, axes: Axes, gathering: Gathering, craft: int, name: str) -> None:
         self.axes, self.gathering, self.craft = axes, gathering, craft
-        fitted(axes, (-2.2, -1.8), (2.2, 2.2))
+        space.fitted(axes, (-2.2, -1.8), (2.2, 2.2))
         axes.set(xticks=[], yticks=[])
         axes.spines[:].set_color(OTHER)
         plain(axes.set_title(f"Close view: {name}", loc="left", fontsize=SMALL, color=INK))
-        triad(axes, OBLIQUE, DIRECTIONS)
-        sun = OBLIQUE(np.array([np.zeros(3), 2.05 * SUN]))
+        space.triad(axes, space.OBLIQUE, DIRECTIONS)
+        sun = space.OBLIQUE(np.array([np.zeros(3), 2.05 * SUN]))
         axes.plot(*sun.T, color=OTHER, linestyle=DASHED, linewidth=1.2)
-        axes.plot(*sun[1], "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=11)
+        axes.plot(*sun[1], "o", color=space.SUN_COLOUR, markeredgecolor=INK, markersize=11)
         word(axes, sun[1], "Sun", shift=(12, 0), ha="left")
-        self.colour = GROUP_COLOURS[gathering.groups[craft]]
+        self.colour = space.GROUP_COLOURS[gathering.groups[craft]]
 
     def show(self, moment: Moment) -> None:
         """Draw the spacecraft in its attitude at a moment."""
@@ -260,13 +252,13 @@ class CloseUp:
         normal, boresight = attitude[:, 0], attitude[:, 2]
         offset = self.gathering.search.sensor.offset
         apex = boresight if offset > 0.0 else np.zeros(3)  # shade radius equals the offset
-        rim = ring(boresight, float(moment.half_angles[self.craft]), 1.1)
-        cones(axes, OBLIQUE, [(apex, rim, ring(normal, pi / 2.0), self.colour)], 1.2)
+        rim = space.ring(boresight, float(moment.half_angles[self.craft]), 1.1)
+        cones(axes, space.OBLIQUE, [(apex, rim, space.ring(normal, pi / 2.0), self.colour)], 1.2)
         look: dict[str, Any] = {"linewidth": 2.2, "marker": "o", "markevery": [1], "markersize": 3.5}
-        axes.plot(*OBLIQUE([0.0 * normal, 1.25 * normal]).T, color=INK, **look)
-        axes.plot(*OBLIQUE([apex, apex + 0.95 * boresight]).T, color=self.colour, **look)
-        word(axes, OBLIQUE(1.45 * normal), "body x")
-        word(axes, OBLIQUE(apex + 1.15 * boresight), "boresight", self.colour)
+        axes.plot(*space.OBLIQUE([0.0 * normal, 1.25 * normal]).T, color=INK, **look)
+        axes.plot(*space.OBLIQUE([apex, apex + 0.95 * boresight]).T, color=self.colour, **look)
+        word(axes, space.OBLIQUE(1.45 * normal), "body x")
+        word(axes, space.OBLIQUE(apex + 1.15 * boresight), "boresight", self.colour)
         leg, off_sun = moment.leg, float(np.arccos(np.clip(normal @ SUN, -1.0, 1.0)))
         axis = "the sun line" if leg.about == "sun line" else leg.about
         about = f"turning about\n{axis}" if leg.angle else "waiting"
@@ -317,7 +309,7 @@ class ThreeViews:
         )
         headline(self.figure, "Mg")  # holds the place of a line
         shared = (gathering, self.knots, craft, self.names)
-        self.oblique = Overview(axes["oblique"], "Oblique view", OBLIQUE, *shared)
+        self.oblique = Overview(axes["oblique"], "Oblique view", space.OBLIQUE, *shared)
         sun = Overview(axes["sun"], "Sun view", SUN_VIEW, *shared)
         self.parts = (self.oblique, sun, CloseUp(axes["close"], gathering, craft, self.names[craft]))
         self.strip = axes["strip"]
@@ -369,7 +361,7 @@ class ThreeViews:
         lines.append(("track so far, burns" if view.few else "track so far", way | bend))
         lines += [("in lock now", view.now_look), ("locked before", view.past_look)]
         handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in lines]
-        for group, colour in GROUP_COLOURS.items():
+        for group, colour in space.GROUP_COLOURS.items():
             name = f"cone of {group}, cut at {float(f'{view.cone:.2g}'):g} m"
             handles.append(Patch(facecolor=tint(colour, 0.3), edgecolor=colour, label=name))
         return handles

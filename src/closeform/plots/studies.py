@@ -15,20 +15,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
+from closeform.plots.drawing import style
 from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
-from closeform.plots.drawing.style import (
-    DASHED,
-    Clock,
-    Unit,
-    chart,
-    clock,
-    headline,
-    legend,
-    plain_unit,
-    right_axis,
-    time_axes,
-)
 from closeform.plots.drawing.text import short_names, word
 from closeform.search.lock_statistics import FINER, TimeHistogram
 from closeform.search.schedule import Search
@@ -72,7 +61,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     found = np.sort(given[~np.isnan(given)])
     if not len(found) or not np.isfinite(found).all():
         raise ValueError("values: expected finite numbers, nan where a case has none; got none, or infinity")
-    figure, (axes,) = chart(5.4)
+    figure, (axes,) = style.chart(5.4)
     low, high = float(found[0]), float(found[-1])
     room = 0.02 * (high - low) or 0.01 * max(abs(high), 1.0)
     bins = min(BINS, int(np.ceil(2.0 * np.sqrt(len(found)))))
@@ -82,18 +71,18 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     axes.set_xlabel(what)
     axes.set_ylabel("cases")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    right = right_axis(axes, "cumulative share [%]", AFTER)
+    right = style.right_axis(axes, "cumulative share [%]", AFTER)
     right.ecdf(found, color=AFTER, linewidth=2.2, zorder=4)
     right.set_ylim(0.0, 1.03)
     right.set_yticks(np.linspace(0.0, 1.0, 6), [f"{share}" for share in range(0, 101, 20)])
     middle, most = (float(np.quantile(found, one)) for one in (0.5, end))
     for value in (middle, most):
-        axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)
+        axes.axvline(value, color=INK, linewidth=1.0, linestyle=style.DASHED, zorder=5)
     without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""
     name, _, unit = what.partition(" [")
     marked = f"median {middle:.4g}, {100.0 * end:g} % {most:.4g} {unit.rstrip(']')}"
     said = f"{name} of {len(found)} cases{without}: {marked}"
-    headline(figure, f"{said[0].upper()}{said[1:]}".rstrip())
+    style.headline(figure, f"{said[0].upper()}{said[1:]}".rstrip())
     return figure
 
 
@@ -139,18 +128,18 @@ def histogram(
 def binned(times: TimeHistogram, search: Search | None = None, what: str = "pairs lock") -> Figure:
     """Plot the histogram of times that are already counted."""
     edges = times.bin * np.arange(len(times.counts) + 1)
-    figure, (axes,) = chart(5.8)
+    figure, (axes,) = style.chart(5.8)
     end = float(edges[-1])
     if search is not None:  # up to the end of the phase with the last event
         end = next((end for *_, end in search.phases if end >= times.last), search.duration)
-    unit, noun = plain_unit(end), what.partition(" ")[0]
+    unit, noun = style.plain_unit(end), what.partition(" ")[0]
     axes.set_yscale("log")
     axes.set_ylim(0.7, 6.0 * max(10.0, float(times.counts.max(initial=0))))
     axes.set_xlim(0.0, end / unit.size)
     axes.set_xlabel(f"time [{unit.name}]")
     axes.set_ylabel(f"{noun} [1 per {times.bin:g} s]")
     axes.stairs(times.counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
-    right = right_axis(axes, "cumulative share [%]", CURVE)
+    right = style.right_axis(axes, "cumulative share [%]", CURVE)
     finer = np.minimum(times.bin / FINER * np.arange(len(times.finer) + 1), end) / unit.size
     done = times.at_once + np.concatenate([[0], np.cumsum(times.finer)])
     right.plot(finer, 100.0 * done / max(1, times.every), color=CURVE, linewidth=2.2)
@@ -161,11 +150,11 @@ def binned(times: TimeHistogram, search: Search | None = None, what: str = "pair
     found, verb = times.at_once + times.later, what.partition(" ")[2]
     said = f"{spaced(times.at_once)} of {spaced(times.every)} {noun} {verb} at once (not shown), "
     said += f"{spaced(times.later)} later"
-    headline(figure, said + (f", {spaced(times.every - found)} never" if found < times.every else ""))
+    style.headline(figure, said + (f", {spaced(times.every - found)} never" if found < times.every else ""))
     return figure
 
 
-def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) -> None:
+def phases(axes: Axes, search: Search, unit: style.Unit, counts: Any, until: float) -> None:
     """Draw bands for the phases with their counts where there is room, and the ends of the turns."""
     for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
         colour, text = PHASE_COLOURS.get(name, OTHER), f"{name} {turn}: {spaced(count)}"
@@ -223,7 +212,7 @@ def sweep(
         if part.shape != (len(called), len(where)) or not np.isfinite(part).all():
             raise ValueError(f"{name}: expected finite numbers of shape (K, P), K names, got {part.shape}")
     words = short_names(called[:MOST], len(called[:MOST]), "lines", LONG)
-    figure, (axes,) = chart(5.4)
+    figure, (axes,) = style.chart(5.4)
     shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
     lines, step = [], min(ASIDE, SPREAD / shown.shape[1])
     for k, tint in enumerate(colours(shown.shape[1])):
@@ -237,10 +226,10 @@ def sweep(
     axes.set_xlabel(what)
     axes.set_ylabel("cases that meet all requirements [%]")
     if any(called):
-        legend(figure, lines, words)
+        style.legend(figure, lines, words)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
     between = f"{least:.3g} to {most:.3g}" if most > least else f"{most:.3g}"
-    headline(figure, f"All requirements are met in {between} % of cases")
+    style.headline(figure, f"All requirements are met in {between} % of cases")
     return figure
 
 
@@ -280,14 +269,14 @@ def collision(
         )
     order = np.argsort(found.rate_times)
     start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
-    ticks = clock(path, start, end) if path is not None else Clock(plain_unit(end - start))
+    ticks = style.clock(path, start, end) if path is not None else style.Clock(style.plain_unit(end - start))
     times, rates = found.rate_times[order], found.rates[order]
     times = np.concatenate([[min(start, times[0])], times, [max(end, times[-1])]])
     rates = np.concatenate([rates[:1], rates, rates[-1:]])
     so_far = np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (rates[1:] + rates[:-1]))])
     so_far = found.at_start + so_far * (found.mean_entries / so_far[-1])
 
-    figure, (above, below) = chart(7.2, [1.0, 1.0])
+    figure, (above, below) = style.chart(7.2, [1.0, 1.0])
     size, power = scaled(float(rates.max()) * ticks.unit.size)
     rate = rates * ticks.unit.size / size
     above.fill_between(ticks(times), rate, color=CONFLICT, alpha=0.18, linewidth=0)
@@ -306,16 +295,18 @@ def collision(
         f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})",
     ]
     if limit is not None:
-        handles.append(below.axhline(limit / size, color=INK, linestyle=DASHED, linewidth=1.4))
+        handles.append(below.axhline(limit / size, color=INK, linestyle=style.DASHED, linewidth=1.4))
         words.append(f"required: at most {limit:g}")
         most = max(most, limit) if limit < FAR * most else most
     below.set_ylim(0.0, 1.12 * most / size)
     below.set_ylabel(f"probability{power}")
-    time_axes([above, below], ticks, start, end)
-    legend(figure, handles, words)
+    style.time_axes([above, below], ticks, start, end)
+    style.legend(figure, handles, words)
     highest = ticks.text(float(times[np.argmax(rates)]))
     lead = f"{what}: p" if what else "P"
-    headline(figure, f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}")
+    style.headline(
+        figure, f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}"
+    )
     return figure
 
 

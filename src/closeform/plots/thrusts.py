@@ -20,6 +20,7 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
+from closeform.plots.drawing import style
 from closeform.plots.drawing.charts import DASHES, Curve, Panel, name_rows, series
 from closeform.plots.drawing.inputs import crafts, picture, texts
 from closeform.plots.drawing.palette import (
@@ -32,29 +33,12 @@ from closeform.plots.drawing.palette import (
     OTHER,
     colours,
 )
-from closeform.plots.drawing.style import (
-    DASHED,
-    DOTTED,
-    Clock,
-    chart,
-    clock,
-    headline,
-    instants,
-    legend,
-    length_unit,
-    plural,
-    right_axis,
-    speed,
-    speed_unit,
-    thrust_unit,
-    time_axes,
-)
 from closeform.plots.drawing.text import NEAR, SMALL, label, short_names, word
 
 FEW = 12  # maximum number of spacecraft in the legend
 FAR = 3.0  # times the maximum: a limit above that would flatten all curves
 ROUNDING = 1e-9  # of a limit
-LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # last path first
+LINES = ((AFTER, "-"), (BEFORE, style.DASHED), (ALTERNATIVE, style.DOTTED))  # last path first
 NARROWEST = 1.0 / 400.0  # of the time axis: minimum width of a burn
 LABELLED = 8  # maximum number of larger burns in a row with labels
 SMALLEST = 0.1  # of the largest burn: smaller burns have no label
@@ -90,26 +74,26 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         raise ValueError(f"paths: from one to {len(LINES)}, got {len(single_paths)}")
     labels = texts("labels", labels, len(single_paths), "paths")
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
-    ticks = clock(single_paths[0], start, end)
+    ticks = style.clock(single_paths[0], start, end)
     force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
-    unit = thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
+    unit = style.thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
     greatest = max(
         (float(np.linalg.norm(jump)) for path in single_paths for _, jump in path.impulses), default=0.0
     )
 
-    spent = speed_unit(max(path.delta_v for path in single_paths))
+    spent = style.speed_unit(max(path.delta_v for path in single_paths))
     names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
     curves: list[list[Curve]] = [[] for _ in names]
     looks = LINES[len(single_paths) - 1 :: -1]
     for path, (colour, dashes), name in zip(single_paths, looks, labels, strict=True):
-        times = instants(path.start, path.end, path)
+        times = style.instants(path.start, path.end, path)
         push = force * path.thrust(times) / unit.size
         energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
         words = f"{name}: Δv {spent.text(path.delta_v)}{energy}"
         for own, values in zip(curves, [np.linalg.norm(push, axis=1), *push.T], strict=True):
             own.append(Curve(times, values, "" if own is not curves[0] else words, colour, dashes, 2.2))
     panels = [Panel(f"{name} [{unit.name}]", own) for (name, _), own in zip(names, curves, strict=True)]
-    costs = [f"{name} {speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
+    costs = [f"{name} {style.speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
     figure = series(f"Delta-v: {', '.join(costs)}", panels, ticks, start, end, height=9.0)
     for axes, (_, colour) in zip(figure.axes, names, strict=True):
         axes.yaxis.label.set(fontsize=SMALL, color=colour)
@@ -125,11 +109,11 @@ def level(axes: Axes, top: float, positive: bool) -> None:
     axes.set_ylim(0 if positive else -top, top)
 
 
-def stems(panels: list[Axes], single_paths: list[Path], ticks: Clock, greatest: float) -> None:
+def stems(panels: list[Axes], single_paths: list[Path], ticks: style.Clock, greatest: float) -> None:
     """Draw impulses on a right axis whose zero coincides with that of the thrust."""
-    unit = speed_unit(greatest)
+    unit = style.speed_unit(greatest)
     for row, axes in enumerate(panels):
-        right = right_axis(axes, f"impulse [{unit.name}]", INK)
+        right = style.right_axis(axes, f"impulse [{unit.name}]", INK)
         level(right, 1.15 * greatest / unit.size, row == 0)
         for path, (colour, dashes) in zip(single_paths, LINES[len(single_paths) - 1 :: -1], strict=True):
             for time, jump in path.impulses:
@@ -176,22 +160,22 @@ def formation_thrust(
     pulsed = np.broadcast_to(pulsed, count)
     peaks, most = np.array([path.peak_thrust for path in single_paths]) * kilograms, most * kilograms
     known, basic = np.isfinite(most), "m/s²" if masses is None else "N"
-    unit = thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
+    unit = style.thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
 
     tints, few, curves = colours(count), 1 < count <= FEW, list[Curve]()
     for k, path in enumerate(single_paths):
-        times = instants(path.start, path.end, path)
+        times = style.instants(path.start, path.end, path)
         push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k] / unit.size
         dashes = DASHES[1 + (k - 1) % 3 if k else 0]  # a curve on top of an equal one shows both
         curves.append(Curve(times, push, called[k] if few else "", tints[k], dashes, 2.0 if few else 1.0))
     limit = most[known].max(initial=0.0)
     panel = Panel(f"{'planned ' if pulsed.any() else ''}thrust [{unit.name}]", curves)
-    said, ticks = thrust_verdict(called, peaks, most, pulsed, basic), clock(single_paths[0], start, end)
+    said, ticks = thrust_verdict(called, peaks, most, pulsed, basic), style.clock(single_paths[0], start, end)
     figure = series(said, [panel], ticks, start, end)
     if known.any():
         what = "thrust of one thruster" if pulsed[known].all() else "limit"
-        limited(figure.axes[0], most / unit.size, tints, what, thrust_unit(limit, basic).text(limit))
+        limited(figure.axes[0], most / unit.size, tints, what, style.thrust_unit(limit, basic).text(limit))
     return figure
 
 
@@ -205,7 +189,7 @@ def limited(axes: Axes, limits: Floats, tints: Any, what: str, highest: str) -> 
         axes.set_ylim(0.0, 1.15 * max(top, known[known <= FAR * top].max()))
         for limit, tint in zip(limits, tints, strict=True):
             if limit <= FAR * top:
-                axes.axhline(limit, color=INK if alike else tint, linewidth=1.2, linestyle=DASHED)
+                axes.axhline(limit, color=INK if alike else tint, linewidth=1.2, linestyle=style.DASHED)
     place: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "va": "top", "shift": (0, -4)}
     word(axes, (0.995, 1.0), words if near else f"{words}, far above", **place)
 
@@ -215,9 +199,9 @@ def thrust_verdict(called: list[str], peaks: Floats, limits: Floats, pulsed: Any
     k = int(peaks.argmax())
     if not peaks[k] > 0.0:
         return "No spacecraft thrusts"
-    most = thrust_unit(peaks[k], basic).text(peaks[k])
+    most = style.thrust_unit(peaks[k], basic).text(peaks[k])
     if pulsed[k] and np.isfinite(limits[k]):
-        own = thrust_unit(limits[k], basic).text(limits[k])
+        own = style.thrust_unit(limits[k], basic).text(limits[k])
         return f"{called[k]} has the largest planned thrust, {most}; its thrusters have {own} each, on or off"
     said = f"{called[k]} has the largest thrust: {most}"
     if not np.isfinite(limits).any():
@@ -258,18 +242,18 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     else:
         every = [burns_of(path).significant for path in single_paths]
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
-    ticks, room = clock(single_paths[0], start, end), 0.015 * (end - start)
-    figure, (axes,) = chart(2.4 + 0.55 * count if count > 1 else 3.6)
-    time_axes([axes], ticks, start - room, end + room)
+    ticks, room = style.clock(single_paths[0], start, end), 0.015 * (end - start)
+    figure, (axes,) = style.chart(2.4 + 0.55 * count if count > 1 else 3.6)
+    style.time_axes([axes], ticks, start - room, end + room)
     burn_rows(axes, ticks, every, called, colours(count) if count > 1 else [AFTER], end - start)
     axes.set_ylabel("bar height: delta-v", fontsize=SMALL)
-    headline(figure, burns_story(called, every, firing))
+    style.headline(figure, burns_story(called, every, firing))
     return figure
 
 
 def burn_rows(
     axes: Axes,
-    ticks: Clock,
+    ticks: style.Clock,
     every: Sequence[Burns],
     called: list[str],
     tints: Any,
@@ -281,7 +265,7 @@ def burn_rows(
     If `names`, the larger burns have labels where there is room. `span` is the length of the time axis [s].
     """
     count, greatest = len(every), max(float(one.size.max(initial=0.0)) for one in every)
-    unit, points, words = speed_unit(greatest), list[Floats](), list[str]()
+    unit, points, words = style.speed_unit(greatest), list[Floats](), list[str]()
     levels = np.arange(count)[::-1]
     axes.set_ylim(-0.15, float(count))
     axes.grid(axis="y", visible=False)
@@ -310,12 +294,12 @@ def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFirin
     k, count = int(np.argmax(spent)), sum(len(one.size) for one in every)
     if not count:
         return "No spacecraft burns"
-    said = f"{plural(count, 'burn' if firing is None else 'pulse')}, {speed(sum(spent))}"
+    said = f"{style.plural(count, 'burn' if firing is None else 'pulse')}, {style.speed(sum(spent))}"
     if firing is not None:
-        said += f" fired for {speed(float(np.sum(firing.planned.delta_v)))} planned"
+        said += f" fired for {style.speed(float(np.sum(firing.planned.delta_v)))} planned"
     if len(every) == 1:
-        return f"{called[0]}: {said}; the largest is {speed(float(every[0].size.max()))}"
-    return f"{said} in total; {called[k]} has the largest delta-v, {speed(spent[k])}"
+        return f"{called[0]}: {said}; the largest is {style.speed(float(every[0].size.max()))}"
+    return f"{said} in total; {called[k]} has the largest delta-v, {style.speed(spent[k])}"
 
 
 @picture("there is no such spacecraft")
@@ -344,10 +328,10 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
     times, wanted = planned_per_period(plan, thrusters)
     rows = thruster_rows(thrusters, fired, wanted)
     unit, ticks = (
-        speed_unit(float(max(fired.impulse.max(initial=0.0), wanted.max()))),
-        clock(plan, plan.start, plan.end),
+        style.speed_unit(float(max(fired.impulse.max(initial=0.0), wanted.max()))),
+        style.clock(plan, plan.start, plan.end),
     )
-    figure, panels = chart(2.3 + 1.9 * len(rows), [1.0] * len(rows))
+    figure, panels = style.chart(2.3 + 1.9 * len(rows), [1.0] * len(rows))
     for axes, row in zip(panels, rows, strict=True):
         label_of_row, colour = row_name(thrusters, row)
         axes.set_ylabel(f"{label_of_row} [{unit.name}]", fontsize=SMALL, color=colour)
@@ -359,13 +343,13 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
             axes.bar(ticks(own.start), sign * own.impulse / unit.size, ticks(own.duration), **look)
         axes.axhline(0.0, color=INK, linewidth=0.8)
         axes.margins(y=0.12)
-    time_axes(panels, ticks, plan.start, plan.end)
+    style.time_axes(panels, ticks, plan.start, plan.end)
     handles, words = [Patch(color=INK, alpha=0.6)], ["pulse: height is its delta-v, width its duration"]
     if plan.peak_thrust > 0.0 and thrusters.period:
         handles.append(Patch(color=OTHER, alpha=0.45))
         words.append(f"planned thrust × period of {thrusters.period:g} s")
-    legend(figure, handles, words)
-    headline(figure, pulses_story(firing, craft, fired, name))
+    style.legend(figure, handles, words)
+    style.headline(figure, pulses_story(firing, craft, fired, name))
     return figure
 
 
@@ -380,7 +364,7 @@ def thruster_rows(thrusters: Thrusters, fired: Pulses, wanted: Floats) -> list[t
 
 def planned_per_period(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats]:
     """Return the planned delta-v of each thruster per period: times (K,) [s] and delta-v (K, m) [m/s]."""
-    times = instants(plan.start, plan.end, plan)
+    times = style.instants(plan.start, plan.end, plan)
     wanted = np.zeros((len(times), len(thrusters)))
     peak = plan.peak_thrust
     if thrusters.period is not None and peak > 0.0:
@@ -410,11 +394,11 @@ def pulses_story(firing: ThrusterFiring, craft: int, fired: Pulses, name: str | 
     if not len(fired):
         return f"{lead}no pulses"
     off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
-    unit, burned = length_unit(bound), fired.propellant.sum()
+    unit, burned = style.length_unit(bound), fired.propellant.sum()
     planned = float(np.ravel(firing.planned.delta_v)[craft])
-    given = speed(fired.impulse.sum())
-    words = f"{lead}{plural(len(fired), 'pulse')}, {given} fired for {speed(planned)} planned"
+    given = style.speed(fired.impulse.sum())
+    words = f"{lead}{style.plural(len(fired), 'pulse')}, {given} fired for {style.speed(planned)} planned"
     if np.isfinite(burned):
         words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"
     words += f"; {unit.text(off, 3)} from the plan, at most {unit.text(bound, 3)}"
-    return words + (f"; {speed(dropped.impulse.sum())} omitted" if len(dropped) else "")
+    return words + (f"; {style.speed(dropped.impulse.sum())} omitted" if len(dropped) else "")

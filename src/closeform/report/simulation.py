@@ -402,7 +402,7 @@ def found_lines(simulated: SimulatedRun) -> Iterator[str]:
 
 
 def pictures(simulated: SimulatedRun) -> Iterator[Picture]:
-    """Yield pictures of clearance ratios, deviations, paths and delta-v."""
+    """Yield pictures of clearance ratios, deviations and paths."""
     flight, names = simulated.flight, {"names": simulated.names}
     if flight.ratios.size:
         caption = "Clearance ratios in every simulation, and those of the closest pair"
@@ -411,8 +411,6 @@ def pictures(simulated: SimulatedRun) -> Iterator[Picture]:
     yield Picture("flights-deviations", caption, "flight_deviations", (flight, simulated.tube), names)
     caption = "The paths as planned and as simulated, with deviations enlarged"
     yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
-    caption = "Delta-v of each craft for the plan, for the model error and for feedback"
-    yield Picture("flights-costs", caption, "flight_costs", (flight,), names)
 
 
 def stored(simulated: SimulatedRun) -> Iterator[tuple[str, dict[str, Any]]]:
