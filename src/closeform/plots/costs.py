@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats, instance, number, whole
+from closeform.arrays import Floats, instance, whole
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.arrivals import TransferCostTable
 from closeform.fuel.bound import least_delta_v
@@ -24,12 +24,11 @@ from closeform.planning.plan import Plan
 from closeform.plots.drawing import style
 from closeform.plots.drawing.inputs import crafts, one_craft, picture
 from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
-from closeform.plots.drawing.text import NEAR, SMALL, label, word
+from closeform.plots.drawing.text import NEAR, label, word
 
 EQUAL = 0.05  # per cent above a bound that count as equal to it
 LABELLED = 12  # impulses or slots that are labelled
 SMALLEST = 0.02  # of the largest impulse: smaller ones are not labelled
-ALIKE = 0.02  # of the delta-v of a plan: a smaller difference between planned and fired delta-v is invisible
 STEEP = 4.0  # times the minimum delta-v: a curve that rises higher has a logarithmic axis
 GRID = 600  # instants at which a primer along thrusters is constrained to at most 1
 PENALTY = 100.0  # for exceeding 1, in units of the sum of all impulses
@@ -248,13 +247,8 @@ def mark_impulses(
         label(axes, points, [style.speed(size) for size in sizes[large].tolist()])
 
 
-@picture("the table has no duration, `fired` is given without a plan, or `asked` is not positive")
-def trade(
-    found: TransferCostTable,
-    plan: Path | Sequence[Path] | None = None,
-    fired: float | None = None,
-    asked: float | None = None,
-) -> Figure:
+@picture("the table has no duration")
+def trade(found: TransferCostTable, plan: Path | Sequence[Path] | None = None) -> Figure:
     """Plot the minimum delta-v against the transfer duration, to the cheapest slot for each duration.
 
     The dashed line is the minimum over all durations. If the cheapest slot changes only a few times, labels
@@ -264,27 +258,14 @@ def trade(
     ----------
     plan : Path or sequence of Path, optional
         Plan to mark with a ring at its duration and delta-v, summed over several spacecraft.
-    fired : float [m/s], optional
-        Delta-v of the thruster firing that realizes the plan, summed over all spacecraft; marked by a dot.
-    asked : float [s], optional
-        Required duration, marked by a vertical line; for use without a plan.
     """
     if not len(found.duration):
         raise ValueError("found: has no duration; give transfer_cost_table at least one")
-    if fired is not None and (plan is None or not number("fired", fired) >= 0.0):
-        raise ValueError("fired: requires a plan; give both, or leave it out")
-    if asked is not None and not number("asked", asked) > 0.0:
-        raise ValueError(f"asked: must be above 0 s, got {asked:g}")
     order = np.argsort(found.duration)
-    across, up = (
-        style.plain_unit(float(found.duration.max())),
-        style.speed_unit(float(found.delta_v[order[-1]])),
-    )
-    durations, costs, slots = (
-        found.duration[order] / across.size,
-        found.delta_v[order] / up.size,
-        found.slot[order],
-    )
+    across = style.plain_unit(float(found.duration.max()))
+    up = style.speed_unit(float(found.delta_v[order[-1]]))
+    durations, costs = found.duration[order] / across.size, found.delta_v[order] / up.size
+    slots = found.slot[order]
 
     figure, (axes,) = style.chart(4.6)
     axes.axhline(costs.min(), color=BEFORE, linestyle=style.DASHED, linewidth=1.2)
@@ -295,25 +276,11 @@ def trade(
     marks: list[tuple[float, float, str]] = []
     if 1 < len(changes) <= LABELLED:
         marks += [(durations[k], costs[k], f"slot {slots[k]}") for k in changes]
-    if asked is not None:
-        axes.axvline(
-            asked / across.size, color=INK, linestyle=style.DASHED, linewidth=1.2, label="required duration"
-        )
     if plan is not None:
-        planned_paths = crafts("plan", plan)
-        lasts, spent = (
-            max(one.end - one.start for one in planned_paths),
-            sum(one.delta_v for one in planned_paths),
-        )
-        places = {"plan": spent} | ({} if fired is None else {"plan as fired": fired})
-        for name, delta_v in reversed(places.items()):
-            face = "none" if name == "plan" else INK
-            place = lasts / across.size, delta_v / up.size
-            axes.plot(*place, "o", markersize=10, markerfacecolor=face, color=INK)
-            if name != "plan" or fired is None or abs(fired - spent) > ALIKE * spent:
-                marks.insert(0, (*place, name))
-    if asked is not None:
-        axes.legend(frameon=False, loc="upper right", fontsize=SMALL)
+        planned = crafts("plan", plan)
+        lasts, spent = max(one.end - one.start for one in planned), sum(one.delta_v for one in planned)
+        marks.insert(0, (lasts / across.size, spent / up.size, "plan"))
+        axes.plot(*marks[0][:2], "o", markersize=10, markerfacecolor="none", color=INK)
     if marks:
         label(axes, np.array([mark[:2] for mark in marks]), [name for *_, name in marks], spots=NEAR)
     axes.set_xlabel(f"duration [{across.name}]")

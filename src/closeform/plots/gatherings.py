@@ -35,7 +35,6 @@ from closeform.search.slew_profile import ExecutedTurns
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
 SUN_VIEW = space.Camera(np.array([EAST, NORTH, SUN]))
 DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
-SEEN = 1e-6  # of the distance: tolerance, so that a pair is in lock at the time of its lock
 NARROWEST, SPACIOUS = 0.035, 0.35  # of the time strip: bands for a short and a full phase name
 FEW = 12  # maximum number of spacecraft that all have cones, shades and names
 SHADE = "#c9ced6"
@@ -122,24 +121,6 @@ class Moment:
         both = zip(self.knots, self.positions, strict=True)
         return [np.vstack([one.points[one.times < self.time], now]) for one, now in both]
 
-    def in_lock(self, pairs: Any) -> Any:
-        """Return which pairs (M, 2) of one A and one B see each other now, as (M,) of bool; theory (13)."""
-        sensor, look = self.gathering.search.sensor, self.attitudes[:, :, 2]
-        sensors = self.positions + sensor.offset * look
-        gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
-        distance = np.linalg.norm(gap, axis=1)
-        ranges = np.full(len(look), sensor.range) if self.errors.range is None else self.errors.range
-        mute = self.errors.silent
-        if (outages := self.errors.outages) is not None:
-            mute = mute | ((outages[..., 0] <= self.time) & (self.time < outages[..., 1])).any(axis=-1)
-        reach = np.where(mute, 0.0, ranges)[pairs].min(axis=1)
-        both = distance <= reach * (1.0 + SEEN)
-        cosines = np.cos(self.half_angles)
-        for one, way in ((pairs[:, 0], 1.0), (pairs[:, 1], -1.0)):
-            ahead = way * (gap * look[one]).sum(axis=1)
-            both &= ahead >= distance * (cosines[one] - SEEN)
-        return both
-
 
 def clock_text(time: float) -> str:
     """Return a time [s] as minutes and seconds."""
@@ -189,16 +170,6 @@ class Overview:
             axes, np.vstack([camera(points) - margin, camera(points) + margin]), camera, DIRECTIONS
         )
         axes.set_title(title, loc="left", fontsize=SMALL, color=INK)
-        if self.few:
-            pairs = [(i, j) for i, a in enumerate(groups) for j, b in enumerate(groups) if a < b]
-        else:  # those that joined sets
-            locks = [event for event in gathering.events if event.kind == EventKind.LOCK]
-            pairs = [(event.first, event.second) for event in locks]
-        self.pairs = np.array(pairs, dtype=int).reshape(-1, 2)
-        few = self.few
-        self.past_look: dict[str, Any] = {"color": BEFORE if few else OTHER, "linewidth": 1.0 if few else 0.4}
-        self.past_look |= {"linestyle": DASHED if few else "-"}
-        self.now_look: dict[str, Any] = {"color": INK, "linewidth": 2.4 if few else 0.7}
 
     def lines(self, lines: Sequence[Any], label: str, **look: Any) -> None:
         """Draw lines (K, 3) [m]."""
@@ -214,14 +185,11 @@ class Overview:
             shade = where[k] + space.ring(attitude[:, 0], pi / 2.0, self.shade)
             some.append((where[k] + offset * attitude[:, 2], rim, shade, colour))
         cones(self.axes, self.camera, some, 0.9)
-        trails, seen = moment.trails, moment.in_lock(self.pairs)
-        met = {frozenset((event.first, event.second)) for event in moment.locks}
-        known = np.array([frozenset(pair) in met for pair in self.pairs.tolist()], dtype=bool)
-        self.lines(trails, "trails", color=OTHER, linewidths=1.3 if self.few else 0.6)
-        self.lines(where[self.pairs[known & ~seen]], "past", **self.past_look)
-        self.lines(where[self.pairs[seen if self.few else seen & known]], "now", **self.now_look)
+        self.lines(moment.trails, "tracks", color=OTHER, linewidths=1.3 if self.few else 0.6)
+        locked = [where[[event.first, event.second]] for event in moment.locks]
+        self.lines(locked, "locks", color=INK, linewidths=1.6 if self.few else 0.6)
         if self.few:
-            bends = self.camera(np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in trails)]))
+            bends = self.camera(np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in moment.trails)]))
             self.axes.plot(*bends.T, ".", color=INK, markersize=5)
         flat, labels = self.camera(where), np.array([style_of(label) for label in moment.labels])
         for label, (marker, edge, face) in STYLES.items():
@@ -359,7 +327,7 @@ class ThreeViews:
         way = {"color": OTHER, "linewidth": 1.3, "marker": "." if view.few else ""}
         bend = {"markerfacecolor": INK, "markeredgecolor": INK}
         lines.append(("track so far, burns" if view.few else "track so far", way | bend))
-        lines += [("in lock now", view.now_look), ("locked before", view.past_look)]
+        lines.append(("have locked", {"color": INK, "linewidth": 1.6}))
         handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in lines]
         for group, colour in space.GROUP_COLOURS.items():
             name = f"cone of {group}, cut at {float(f'{view.cone:.2g}'):g} m"

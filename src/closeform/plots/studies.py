@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
 from closeform.plots.drawing import style
+from closeform.plots.drawing.charts import Curve, Panel, series
 from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
 from closeform.plots.drawing.text import short_names, word
@@ -28,7 +28,6 @@ CURVE = "#7a2a10"
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
 LETTERS = 90.0  # of a label, over the whole width
 MOST, LONG = 12, 40  # maximum number of lines of a sweep, and characters of a name
-ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and over all bars
 FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
@@ -183,7 +182,7 @@ def sweep(
 ) -> Figure:
     """Plot the share of cases against a swept value, with a line for each combination of other values.
 
-    Error bars are 95 % confidence intervals; bars at the same value are drawn slightly apart.
+    Bands are 95 % confidence intervals.
 
     Parameters
     ----------
@@ -214,15 +213,12 @@ def sweep(
     words = short_names(called[:MOST], len(called[:MOST]), "lines", LONG)
     figure, (axes,) = style.chart(5.4)
     shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
-    lines, step = [], min(ASIDE, SPREAD / shown.shape[1])
+    lines = []
     for k, tint in enumerate(colours(shown.shape[1])):
         middle, below, above = shown[:, k]
-        bars = np.maximum([middle - below, above - middle], 0.0)
-        aside = ScaledTranslation(step * (k - (shown.shape[1] - 1) / 2), 0.0, figure.dpi_scale_trans)
-        look: dict[str, Any] = {"color": tint, "marker": "o", "linewidth": 1.6, "capsize": 3}
-        lines.append(axes.errorbar(where, middle, bars, transform=axes.transData + aside, **look))
-    axes.update_datalim(np.column_stack([np.tile(where, shown.size // len(where)), shown.ravel()]))
-    axes.autoscale_view()
+        lines += axes.plot(where, middle, "o-", color=tint, linewidth=1.6)
+        axes.fill_between(where, below, above, color=tint, alpha=0.18, linewidth=0.0)
+        axes.vlines(where, below, above, color=tint, linewidth=1.0)
     axes.set_xlabel(what)
     axes.set_ylabel("cases that meet all requirements [%]")
     if any(called):
@@ -276,38 +272,25 @@ def collision(
     so_far = np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (rates[1:] + rates[:-1]))])
     so_far = found.at_start + so_far * (found.mean_entries / so_far[-1])
 
-    figure, (above, below) = style.chart(7.2, [1.0, 1.0])
+    per = "orbit" if ticks.unit.name == "orbits" else ticks.unit.name
     size, power = scaled(float(rates.max()) * ticks.unit.size)
-    rate = rates * ticks.unit.size / size
-    above.fill_between(ticks(times), rate, color=CONFLICT, alpha=0.18, linewidth=0)
-    above.plot(ticks(times), rate, color=CONFLICT, linewidth=2.0)
-    above.set_ylim(0.0, None)
-    above.set_ylabel(f"entries per {'orbit' if ticks.unit.name == 'orbits' else ticks.unit.name}{power}")
+    rate = Curve(times, rates * ticks.unit.size / size, colour=CONFLICT)
     most = max(so_far[-1], found.high)
-    size, power = scaled(most)
-    (line,) = below.plot(ticks(times), so_far / size, color=AFTER, linewidth=2.4)
-    apart = np.maximum([[found.value - found.low], [found.high - found.value]], 0.0) / size
-    look: dict[str, Any] = {"fmt": "D", "color": ALTERNATIVE, "markersize": 8, "capsize": 5, "zorder": 5}
-    mark = below.errorbar([ticks(end)], [found.value / size], apart, clip_on=False, **look)
-    handles: list[Any] = [line, mark]
-    words = [
-        "inside at the start, and entries so far",
-        f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})",
+    size, chance = scaled(most)
+    ever = f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})"
+    span = {"colour": ALTERNATIVE, "width": 5.0, "dot": (end, found.value / size)}
+    curves = [
+        Curve(times, so_far / size, "inside at the start, and entries so far"),
+        Curve(np.full(2, end), np.array([found.low, found.high]) / size, ever, **span),
     ]
-    if limit is not None:
-        handles.append(below.axhline(limit / size, color=INK, linestyle=style.DASHED, linewidth=1.4))
-        words.append(f"required: at most {limit:g}")
-        most = max(most, limit) if limit < FAR * most else most
-    below.set_ylim(0.0, 1.12 * most / size)
-    below.set_ylabel(f"probability{power}")
-    style.time_axes([above, below], ticks, start, end)
-    style.legend(figure, handles, words)
+    if limit is not None and limit < FAR * most:
+        flat = np.full(2, limit / size)
+        curves.append(Curve(times[[0, -1]], flat, f"required: at most {limit:g}", INK, style.DASHED, 1.4))
+    panels = [Panel(f"entries per {per}{power}", [rate]), Panel(f"probability{chance}", curves)]
     highest = ticks.text(float(times[np.argmax(rates)]))
     lead = f"{what}: p" if what else "P"
-    style.headline(
-        figure, f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}"
-    )
-    return figure
+    said = f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}"
+    return series(said, panels, ticks, start, end, height=7.2)
 
 
 def scaled(greatest: float) -> tuple[float, str]:

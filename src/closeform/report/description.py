@@ -157,6 +157,7 @@ class Section:
     """Section on a stage: `lines`, the `tables` that are shown, `closing` lines and `pictures`.
 
     `figures` go into `summary.json`; the rows of `files` are appended to the Parquet file of that name.
+    `listing` is a text that the page shows as it is.
     """
 
     title: str
@@ -166,6 +167,7 @@ class Section:
     pictures: tuple[Picture, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, Table] = field(default_factory=dict)
+    listing: str = ""
 
 
 def plan_of(result: StageResult[Any, Any]) -> "Plan | None":

@@ -275,7 +275,6 @@ def gather(mission: Mission, result: Gathered) -> Section:
             *((history,) if history.rows else ()),
             replace(spent, rows=[*spent.rows, total]),
             *ways(result),
-            *joins(gathering, names),
             *met,
             facts(once, gathering.duration, result.sun),
             phases(once, rounds),
@@ -362,26 +361,6 @@ def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
     if min(before) < 0:
         return f"lock, {pair[before.index(-1)]} joins {goal}"
     return f"lock, knowledge set {max(before)} joins {goal}"
-
-
-def joins(gathering: Gathering, names: Sequence[str]) -> Iterator[Table]:
-    """Yield the locks as H03's table of joins, and those of two craft that already were in one set."""
-    kinds = ("lost", "in a knowledge set", "in the formation set")
-    columns = Column("one is", words=True), *(Column(f"the other is {kind}") for kind in kinds)
-    rows = [(kind, *row) for kind, row in zip(kinds, gathering.join_table.tolist(), strict=True)]
-    yield Table("Locks by the sets of the two: H03's cases 1 to 9", columns, rows, folded=True)
-    if gathering.known_locks:
-        columns = replace(PAIR, key=None), Column("at [s]", form="{:.2f}".format, since="stage"), PHASE
-        known = [
-            ((names[one.first], names[one.second]), one.time, (one.phase, one.round), one.case, one.label)
-            for one in gathering.known_locks
-        ]
-        yield Table(
-            "Locks within a set, which join nothing",
-            (*columns, Column("case"), Column("set")),
-            known,
-            folded=True,
-        )
 
 
 def progress(gathering: Gathering) -> Table:
