@@ -75,7 +75,7 @@ class FormationFilm:
         )
         self.trail = min(TRAIL * (self.end - self.start), TURN * orbit.period)
         self.ticks = clock(paths[0], self.start, self.end)
-        reach = np.max([[0.0] * 3, *(drawn(one).extents for one in dict.fromkeys(self.pairs.zone))], axis=0)
+        reach = np.max([np.zeros(3), *(drawn(one).extents for one in dict.fromkeys(self.pairs.zone))], axis=0)
         points = np.vstack([np.vstack(tracks) + sign * reach for sign in (-1.0, 1.0)])
         self.views: list[tuple[Axes, space.Camera, float]]
         if np.isfinite(orbit.period):
@@ -176,7 +176,7 @@ class FormationFilm:
             if near is not None:
                 axes.plot(*at[pairs.craft[near]].T, color=INK, linewidth=1.0)
             dots: dict[str, Any] = {"s": 14.0 if thin else 40.0, "linewidths": 1.8, "zorder": 4}
-            axes.scatter(*at.T, c=self.tints, edgecolors=edges, **dots)
+            axes.scatter(at[:, 0], at[:, 1], c=self.tints, edgecolors=edges, **dots)
             if any(axes is one for one, *_ in self.named):
                 name_moving(axes, at, self.called, tints)
         self.strip.axvline(self.ticks(time), color=OTHER, linewidth=2.5)

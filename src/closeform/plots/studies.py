@@ -278,7 +278,7 @@ def collision(
     most = max(so_far[-1], found.high)
     size, chance = scaled(most)
     ever = f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})"
-    span = {"colour": ALTERNATIVE, "width": 5.0, "dot": (end, found.value / size)}
+    span: dict[str, Any] = {"colour": ALTERNATIVE, "width": 5.0, "dot": (end, found.value / size)}
     curves = [
         Curve(times, so_far / size, "inside at the start, and entries so far"),
         Curve(np.full(2, end), np.array([found.low, found.high]) / size, ever, **span),

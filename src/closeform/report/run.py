@@ -95,7 +95,7 @@ THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
 def request(scenario: Scenario) -> Section:
     """Return the section on what is requested: the scenario file."""
-    lines = ()
+    lines: tuple[str, ...] = ()
     if scenario.case is not None and scenario.study is not None:
         how = DRAWN[scenario.study.draws]
         lines = (f"This is case {scenario.case} of the study: {how} with seed {scenario.study.seed}",)

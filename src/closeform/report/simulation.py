@@ -97,10 +97,9 @@ TUBE = (
 def tables(simulated: SimulatedRun) -> tuple[Table, ...]:
     """Return the tables of stages, of costs, and of the worst simulations."""
     worst = [flight_row(simulated, seed) for seed in order(simulated)[:WORST]]
-    weighed = not np.isnan(simulated.propellant).all()
     many = len(worst) > 1
     burnt = "largest [kg]" if many else "propellant [kg]"
-    fuel = effort.in_grams(simulated, replace(effort.FUEL, heading=burnt if weighed else None))
+    fuel = effort.in_grams(simulated, replace(effort.FUEL, heading=burnt))
     ends = ": median, 95 % and largest deviation at the end" if many else ": deviation at the end"
     spends = "; feedback: median and largest" if many else ""
     if simulated.control == "track" and simulated.arguments["feedback"].impulses:

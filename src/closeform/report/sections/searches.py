@@ -408,7 +408,7 @@ def spendings(mission: Mission, result: Gathered) -> Table:
         Column(None, "set"),
         Column("burns"),
         replace(speed(gathering), key="delta_v_m_s"),
-        effort.in_grams(mission, effort.FUEL) if known else replace(effort.FUEL, heading=None),
+        effort.in_grams(mission, effort.FUEL),
     )
     return Table("Delta-v of each craft", columns, rows, folded=len(names) > MOST_ROWS, idle=effort.UNUSED)
 
