@@ -15,7 +15,7 @@ from closeform.plots.drawing import space
 from closeform.plots.drawing.charts import Curve, Panel, draw
 from closeform.plots.drawing.inputs import File, Zones, crafts, picture
 from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, name_moving, write_gif
-from closeform.plots.drawing.pairs import Pairs, ratio_text
+from closeform.plots.drawing.pairs import Pairs, places_at, ratio_text
 from closeform.plots.drawing.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
 from closeform.plots.drawing.style import clock, dress, headline, instants, sheet, wrapped
 from closeform.plots.drawing.text import SMALL, short_names
@@ -109,7 +109,7 @@ class FormationFilm:
             fine = int(np.clip(MOST // len(self.pairs), 100, 400))
             some = self.pairs.time[self.pairs.order[:50]]
             times = np.unique(np.concatenate([np.linspace(self.start, self.end, fine), some]))
-            least = self.ratios(self.places(times)).min(axis=0)
+            least = self.pairs.ratios(times).min(axis=0)
             curve = Curve(times, np.where(least < np.inf, least, np.nan), colour=INK, width=1.6)
             draw(axes, Panel("closest\n[× zone]", [curve], 1.0, "", "ratio"), self.ticks, [], [])
             axes.yaxis.label.set_fontsize(SMALL)
@@ -117,24 +117,6 @@ class FormationFilm:
             axes.set_yticks([])
         axes.set_xlim(self.ticks(self.start), self.ticks(self.end))
         axes.set_xlabel(f"time [{self.ticks.unit.name}]")
-
-    def places(self, times: Floats) -> Floats:
-        """Return positions (N, T, 3) [m] of the spacecraft, nan outside of their paths."""
-        found = np.full((len(self.paths), len(times), 3), np.nan)
-        for places, path in zip(found, self.paths, strict=True):
-            there = (times >= path.start) & (times <= path.end)
-            places[there] = path.position(times[there])
-        return found
-
-    def ratios(self, places: Floats) -> Floats:
-        """Return clearance ratios (M, T) of all pairs at positions (N, T, 3); inf where one has no path."""
-        found = np.full((len(self.pairs), places.shape[1]), np.inf)
-        for zone in dict.fromkeys(self.pairs.zone):
-            for row in [k for k, one in enumerate(self.pairs.zone) if one is zone]:
-                gap = np.subtract(*places[self.pairs.craft[row]])
-                both = np.isfinite(gap[:, 0])
-                found[row, both] = zone._norm(gap[both])
-        return found
 
     def trails(self, now: float) -> dict[int, Floats]:
         """Return the recent tracks (K, 3) [m] by the index of their spacecraft."""
@@ -158,8 +140,11 @@ class FormationFilm:
 
     def show(self, time: float) -> str:
         """Draw zones, trails and spacecraft at a time [s] in all views; return the headline."""
-        where, thin, pairs = self.places(np.array([time]))[:, 0], len(self.called) > NAMED, self.pairs
-        ratios = self.ratios(where[:, None])[:, 0]
+        where, ratios = (
+            places_at(self.pairs.paths, np.array([time]))[:, 0],
+            self.pairs.ratios(np.array([time]))[:, 0],
+        )
+        thin, pairs = len(self.called) > NAMED, self.pairs
         near = int(ratios.argmin()) if ratios.min(initial=np.inf) < np.inf else None
         zones = {} if near is None else self.kept(ratios, near)
         met = set(pairs.craft[ratios <= 1.0].ravel().tolist())

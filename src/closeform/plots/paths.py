@@ -95,7 +95,7 @@ class Formation:
         count, lacking = len(craft_paths), zone is None or (isinstance(zone, Sequence) and not zone)
         many = count > MANY
         kept = Sphere(1.0) if many and lacking else zone  # ranks pairs by distance
-        pairs = (Pairs.near if many else Pairs.of)([*craft_paths, *others], kept, count, "zone")
+        pairs = Pairs.of([*craft_paths, *others], kept, count, "zone")
         if shown is None:
             shown = closest_craft(pairs, count) if many else list(range(count))
         rest = np.setdiff1d(np.arange(count), shown)
