@@ -49,7 +49,7 @@ def main() -> None:
         timed(closeform._jit.Kernel, "__call__", "kernels")
         timed(closeform.mission.mission, "plan_mission", "planning")
         timed(closeform.report.page, "drawn", "pictures")
-        timed(closeform.report.picture.Film, "save", "animation")
+        timed(closeform.report.picture.Film, "draw", "animation")
         timed(closeform.report.run.RunReport, "write", "tables, page")
 
     closeform.cli.app.make_haste = then_watch

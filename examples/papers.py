@@ -11,6 +11,7 @@ from pathlib import Path
 from timeit import repeat
 
 import numpy as np
+import paper_figures as figures
 
 import closeform as cf
 
@@ -33,9 +34,9 @@ def row(what: str, paper: str, ours: str) -> None:
     print(COLUMNS.format(what, paper, ours))
 
 
-def saved(**figures) -> None:
+def saved(**pictures) -> None:
     """Save pictures by name."""
-    for name, figure in figures.items():
+    for name, figure in pictures.items():
         figure.savefig(FOLDER / f"{name}.png")
 
 
@@ -98,14 +99,14 @@ def s04() -> None:
     row("radius of states with the same outcome", "not zero", f"{margins.position:.3f} m")
     narrow, turned = cf.Sensor(35 * DEGREE), np.array([20, 190, -75]) * DEGREE
     saved(
-        s04_figure_1=cf.plots.simultaneity(narrow, [[0, 0], [100, 30], [40, 110]], turned),
-        s04_figure_2=cf.plots.spacecraft(search, shade=15.0),
+        s04_figure_1=figures.simultaneity(narrow, [[0, 0], [100, 30], [40, 110]], turned),
+        s04_figure_2=figures.spacecraft(search, shade=15.0),
         s04_figure_3=cf.plots.in_plane_search(search),
         s04_figure_4=cf.plots.manoeuvres(search),
-        s04_figure_5=cf.plots.complementary_cones(search),
-        s04_figure_6=cf.plots.lemma_2(search, [-100.0, 240.0, 170.0], [-0.05, -0.10, 0.03]),
+        s04_figure_5=figures.complementary_cones(search),
+        s04_figure_6=figures.lemma_2(search, [-100.0, 240.0, 170.0], [-0.05, -0.10, 0.03]),
         s04_figure_7=cf.plots.histogram(study.time, search),
-        s04_counterexample=cf.plots.lock_map(search, *counterexample, reach=3.0),
+        s04_counterexample=figures.lock_map(search, *counterexample, reach=3.0),
     )
 
 
@@ -143,14 +144,14 @@ def h03() -> None:
     ahead = np.array([50, 170]) * DEGREE
     places = [[0, 0], [10, 140], [70, 60], [190, 110], [230, 20]]  # three in group A, two in B
     saved(
-        h03_figure_1=cf.plots.simultaneity(search.sensor, [[0, 0], [100, 30]], ahead),
-        h03_figure_2=cf.plots.spacecraft(search, shade=15.0),
-        h03_figure_3=cf.plots.simultaneity(search.sensor, places, np.array([0, 0, 0, 180, 180]) * DEGREE),
+        h03_figure_1=figures.simultaneity(search.sensor, [[0, 0], [100, 30]], ahead),
+        h03_figure_2=figures.spacecraft(search, shade=15.0),
+        h03_figure_3=figures.simultaneity(search.sensor, places, np.array([0, 0, 0, 180, 180]) * DEGREE),
         h03_figure_4=cf.plots.in_plane_search(search),
         h03_figure_5=cf.plots.manoeuvres(search),
-        h03_figure_6=cf.plots.near_field(search),
-        h03_figure_7=cf.plots.sets(gathering, 1000.0, names),
-        h03_figure_8=cf.plots.join_table(gathering),
+        h03_figure_6=figures.near_field(search),
+        h03_figure_7=figures.sets(gathering, 1000.0, names),
+        h03_figure_8=figures.join_table(gathering),
         h03_figure_9=cf.plots.three_views(gathering, 720.0, names=names),
         h03_figure_10=cf.plots.three_views(gathering, 960.0, names=names),
         h03_figure_11=cf.plots.three_views(gathering, gathering.duration, names=names),

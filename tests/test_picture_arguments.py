@@ -9,7 +9,7 @@ import pytest
 
 import closeform as cf
 from closeform.scenario import ScenarioError
-from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, STAYS, is_named
+from test_arguments import BALL, COAST, GATHERED, MOVE, REST, SEARCH, STAYS, is_named
 from test_arguments import CALLS as OTHERS
 from test_public_interface import CALLABLES
 
@@ -26,7 +26,7 @@ FLOWN = cf.simulate(PAIR, cf.Field(CHIEF), navigation=cf.Navigation(0.1, 3e-4), 
 CALLS = {
     "plots.animation": {
         "gathering": GATHERED, "file": io.BytesIO(), "craft": 0, "names": ["a", "b", "c"],
-        "frames": 3, "progress": lambda done, total: None,
+        "frames": 3,
     },
     "plots.before_after": {
         "before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"],
@@ -36,20 +36,17 @@ CALLS = {
     "plots.clearance": OTHERS["plots.clearance"],
     "plots.closest_pairs": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"], "count": 2},
     "plots.collision": {"found": MEETING, "path": NEAR, "limit": 0.5, "what": "a - b"},
-    "plots.complementary_cones": {"search": SEARCH, "mops": 1},
     "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},
     "plots.drift_fan": {"path": MOVE, "other": STAYS, "zone": BALL, "until": 1800.0, "names": ["a", "b"]},
     "plots.drift_ratios": {
         "path": [MOVE], "other": [STAYS], "zone": [BALL], "until": 1800.0, "labels": ["a"],
         "before": (MOVE, STAYS, BALL),
     },
-    "plots.flight_costs": {"flight": FLOWN, "names": ["a", "b"]},
     "plots.flight_deviations": {"flight": FLOWN, "tube": None, "names": ["a", "b"]},
     "plots.flight_paths": {"flight": FLOWN, "names": ["a", "b"]},
     "plots.flight_ratios": {"flight": FLOWN, "zone": BALL, "names": ["a", "b"]},
     "plots.formation_animation": {
         "paths": COAST, "file": io.BytesIO(), "names": ["a", "b", "c"], "zone": BALL, "frames": 3,
-        "progress": lambda done, total: None,
     },
     "plots.formation_paths": {
         "before": COAST, "after": COAST, "names": ["a", "b", "c"], "zone": BALL, "obstacles": [REST]
@@ -65,13 +62,6 @@ CALLS = {
     },
     "plots.histogram": {"times": np.array([1.0, 2.0]), "search": SEARCH, "bin": 60.0, "what": "pairs lock"},
     "plots.in_plane_search": {"search": SEARCH},
-    "plots.join_table": {"gathering": GATHERED},
-    "plots.lock_map": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "reach": 1.0},
-    "plots.near_field": {"search": cf.Search.basic(cf.Sensor(1.2, 7.5), 0.004, 0.5)},
-    "plots.sets": {"gathering": GATHERED, "time": 0.0, "names": ["a", "b", "c"]},
-    "plots.simultaneity": {"sensor": SEARCH.sensor, "positions": np.eye(2), "boresights": np.zeros(2)},
-    "plots.spacecraft": {"search": SEARCH, "shade": 15.0},
-    "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
     "plots.overview": {
         "stages": [COAST, LATER], "names": ["a", "b", "c"], "zone": BALL, "titles": ["1", "2"],

@@ -19,7 +19,7 @@ OPTIONS = {"zone": cf.Sphere(50.0), "frames": 2}
 PICTURES = [
     Picture("distances", "caption 1", "distances", PAIR),
     Picture("two_ways", "caption 2", "two_ways", PAIR),
-    Film("film", "in motion", "animations.reel", ((PATH, OTHER),), OPTIONS),
+    Film("film", "in motion", "formation_animation", ((PATH, OTHER),), OPTIONS),
 ]
 
 

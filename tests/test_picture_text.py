@@ -189,5 +189,5 @@ def test_every_stage_with_motion_has_an_animation(tmp_path):
     for told in RunReport(mission).sections:
         (film,) = [picture for picture in told.pictures if isinstance(picture, Film)]
         short = replace(film, options={**film.options, "frames": 2})
-        shot = short.save(Folder(tmp_path), [short.frames()])
+        shot = short.draw(Folder(tmp_path))
         assert shot.file.read_bytes().startswith(b"GIF89a")

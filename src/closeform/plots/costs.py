@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats, instance, number, whole
+from closeform.arrays import Floats, instance, whole
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.arrivals import TransferCostTable
 from closeform.fuel.bound import least_delta_v
@@ -18,37 +18,18 @@ from closeform.fuel.burns import burns_of
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of
-from closeform.planning.clearance_cost_curve import ClearanceCostCurve, slope
+from closeform.planning.clearance_cost_curve import ClearanceCostCurve
 from closeform.planning.max_clearance import MaxClearance
 from closeform.planning.plan import Plan
+from closeform.plots.drawing import style
 from closeform.plots.drawing.inputs import crafts, one_craft, picture
 from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
-from closeform.plots.drawing.style import (
-    DASHED,
-    DOTTED,
-    Unit,
-    chart,
-    clock,
-    headline,
-    instants,
-    log_axis,
-    other_axis,
-    plain_unit,
-    plural,
-    signed_percent,
-    speed,
-    speed_unit,
-    time_axes,
-)
-from closeform.plots.drawing.text import NEAR, SMALL, label, word
+from closeform.plots.drawing.text import NEAR, label, word
 
 EQUAL = 0.05  # per cent above a bound that count as equal to it
 LABELLED = 12  # impulses or slots that are labelled
 SMALLEST = 0.02  # of the largest impulse: smaller ones are not labelled
-ALIKE = 0.02  # of the delta-v of a plan: a smaller difference between planned and fired delta-v is invisible
 STEEP = 4.0  # times the minimum delta-v: a curve that rises higher has a logarithmic axis
-STEEPEST = 3.0  # times the rise between two plans: maximum slope of a monotone cubic
-POINTS = 24  # points of a curve between two plans
 GRID = 600  # instants at which a primer along thrusters is constrained to at most 1
 PENALTY = 100.0  # for exceeding 1, in units of the sum of all impulses
 
@@ -188,8 +169,8 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
     one = one_craft("path", planned_paths[craft] if several and planned_paths is not None else planned_paths)
     contacts = ContactTerms.of(path, craft, one)
     burns, impulses = len(burns_of(one).significant.size), len(one.impulses)
-    how = plural(burns, "burn") if burns > impulses else plural(impulses, "impulse")
-    times, when = instants(one.start, one.end, one), np.array([time for time, _ in one.impulses])
+    how = style.plural(burns, "burn") if burns > impulses else style.plural(impulses, "impulse")
+    times, when = style.instants(one.start, one.end, one), np.array([time for time, _ in one.impulses])
     pushes = np.array([push for _, push in one.impulses]).reshape(-1, 3)
     note = ""
     if one.impulses and (len(contacts) or thrusters is not None):
@@ -208,15 +189,15 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
         lengths = np.linalg.norm(curve.position(times - one.start), axis=-1)
         values = curve.position(when - one.start) if len(when) else np.empty((0, 3))
         sizes, spent = np.linalg.norm(pushes, axis=1), float(one.delta_v)
-        said = "the minimum" if least.proven else f"the minimum is at least {speed(bound)}"
+        said = "the minimum" if least.proven else f"the minimum is at least {style.speed(bound)}"
         if spent > float(least.upper) * (1.0 + 1e-6):
             above = 100.0 * (spent / bound - 1.0) if bound > 0.0 else np.inf
             share = f"{above:.3g} % above" if np.isfinite(above) else "above"
-            said = f"{f'within {EQUAL} % of' if above < EQUAL else share} the minimum, {speed(bound)}"
+            said = f"{f'within {EQUAL} % of' if above < EQUAL else share} the minimum, {style.speed(bound)}"
             note = "" if above < EQUAL else "primer of the end states without obstacles"
     heights = (values * pushes).sum(axis=1) / np.where(sizes > 0.0, sizes, 1.0)
     name = "primer magnitude" if thrusters is None else "primer along thrusters"
-    figure = primer_curve(one, lengths, f"{speed(spent)} with {how}: {said}", name)
+    figure = primer_curve(one, lengths, f"{style.speed(spent)} with {how}: {said}", name)
     mark_impulses(figure.axes[0], one, when, heights, sizes, contacts.times)
     word(figure.axes[0], (0.0, 0.0), note, shift=(6, 5), ha="left", va="bottom", xycoords="axes fraction")
     return figure
@@ -224,15 +205,15 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
 
 def primer_curve(path: Path, lengths: Floats | None, said: str, name: str = "primer magnitude") -> Figure:
     """Plot the magnitude of a primer against time, by default the length of the path's own positions."""
-    times, ticks = instants(path.start, path.end, path), clock(path, path.start, path.end)
+    times, ticks = style.instants(path.start, path.end, path), style.clock(path, path.start, path.end)
     lengths = np.linalg.norm(path.position(times), axis=-1) if lengths is None else lengths
-    figure, (axes,) = chart(4.6)
+    figure, (axes,) = style.chart(4.6)
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
     axes.plot(ticks(times), lengths, color=AFTER, linewidth=2.0)
     axes.set_ylim(min(0.0, 1.1 * float(lengths.min())), max(1.45, 1.15 * float(lengths.max(initial=0.0))))
     axes.set_ylabel(name)
-    time_axes([axes], ticks, path.start, path.end)
-    headline(figure, said)
+    style.time_axes([axes], ticks, path.start, path.end)
+    style.headline(figure, said)
     return figure
 
 
@@ -240,12 +221,12 @@ def mark_impulses(
     axes: Axes, path: Path, when: Floats, heights: Floats, sizes: Floats, contacts: Floats
 ) -> None:
     """Draw finite burns, contacts with zones, and a labelled dot for each impulse."""
-    ticks, burns = clock(path, path.start, path.end), burns_of(path)
+    ticks, burns = style.clock(path, path.start, path.end), burns_of(path)
     for begin, lasts in zip(burns.start.tolist(), burns.duration.tolist(), strict=True):
         if lasts > 0.0:
             axes.axvspan(ticks(begin), ticks(begin + lasts), color=OTHER, alpha=0.35, linewidth=0, zorder=1)
     for k, time in enumerate(contacts):
-        axes.axvline(ticks(time), color=ZONE, linestyle=DASHED, linewidth=1.2, zorder=1.5)
+        axes.axvline(ticks(time), color=ZONE, linestyle=style.DASHED, linewidth=1.2, zorder=1.5)
         if k == 0:
             late = time > 0.5 * (path.start + path.end)
             look: dict[str, Any] = {"ha": "right" if late else "left", "va": "bottom"}
@@ -263,16 +244,11 @@ def mark_impulses(
     large = large[np.argsort(-sizes[large], kind="stable")][:LABELLED]
     if len(large):
         points = np.column_stack([ticks(when), np.maximum(heights, 1.0)])[large]
-        label(axes, points, [speed(size) for size in sizes[large].tolist()])
+        label(axes, points, [style.speed(size) for size in sizes[large].tolist()])
 
 
-@picture("the table has no duration, `fired` is given without a plan, or `asked` is not positive")
-def trade(
-    found: TransferCostTable,
-    plan: Path | Sequence[Path] | None = None,
-    fired: float | None = None,
-    asked: float | None = None,
-) -> Figure:
+@picture("the table has no duration")
+def trade(found: TransferCostTable, plan: Path | Sequence[Path] | None = None) -> Figure:
     """Plot the minimum delta-v against the transfer duration, to the cheapest slot for each duration.
 
     The dashed line is the minimum over all durations. If the cheapest slot changes only a few times, labels
@@ -282,67 +258,43 @@ def trade(
     ----------
     plan : Path or sequence of Path, optional
         Plan to mark with a ring at its duration and delta-v, summed over several spacecraft.
-    fired : float [m/s], optional
-        Delta-v of the thruster firing that realizes the plan, summed over all spacecraft; marked by a dot.
-    asked : float [s], optional
-        Required duration, marked by a vertical line; for use without a plan.
     """
     if not len(found.duration):
         raise ValueError("found: has no duration; give transfer_cost_table at least one")
-    if fired is not None and (plan is None or not number("fired", fired) >= 0.0):
-        raise ValueError("fired: requires a plan; give both, or leave it out")
-    if asked is not None and not number("asked", asked) > 0.0:
-        raise ValueError(f"asked: must be above 0 s, got {asked:g}")
     order = np.argsort(found.duration)
-    across, up = plain_unit(float(found.duration.max())), speed_unit(float(found.delta_v[order[-1]]))
-    durations, costs, slots = (
-        found.duration[order] / across.size,
-        found.delta_v[order] / up.size,
-        found.slot[order],
-    )
+    across = style.plain_unit(float(found.duration.max()))
+    up = style.speed_unit(float(found.delta_v[order[-1]]))
+    durations, costs = found.duration[order] / across.size, found.delta_v[order] / up.size
+    slots = found.slot[order]
 
-    figure, (axes,) = chart(4.6)
-    axes.axhline(costs.min(), color=BEFORE, linestyle=DASHED, linewidth=1.2)
+    figure, (axes,) = style.chart(4.6)
+    axes.axhline(costs.min(), color=BEFORE, linestyle=style.DASHED, linewidth=1.2)
     axes.plot(durations, costs, "o-", color=AFTER, linewidth=1.6, markersize=4)
     if costs.max() > STEEP * costs.min() > 0.0:
-        log_axis(axes)
+        style.log_axis(axes)
     changes = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
     marks: list[tuple[float, float, str]] = []
     if 1 < len(changes) <= LABELLED:
         marks += [(durations[k], costs[k], f"slot {slots[k]}") for k in changes]
-    if asked is not None:
-        axes.axvline(
-            asked / across.size, color=INK, linestyle=DASHED, linewidth=1.2, label="required duration"
-        )
     if plan is not None:
-        planned_paths = crafts("plan", plan)
-        lasts, spent = (
-            max(one.end - one.start for one in planned_paths),
-            sum(one.delta_v for one in planned_paths),
-        )
-        places = {"plan": spent} | ({} if fired is None else {"plan as fired": fired})
-        for name, delta_v in reversed(places.items()):
-            face = "none" if name == "plan" else INK
-            place = lasts / across.size, delta_v / up.size
-            axes.plot(*place, "o", markersize=10, markerfacecolor=face, color=INK)
-            if name != "plan" or fired is None or abs(fired - spent) > ALIKE * spent:
-                marks.insert(0, (*place, name))
-    if asked is not None:
-        axes.legend(frameon=False, loc="upper right", fontsize=SMALL)
+        planned = crafts("plan", plan)
+        lasts, spent = max(one.end - one.start for one in planned), sum(one.delta_v for one in planned)
+        marks.insert(0, (lasts / across.size, spent / up.size, "plan"))
+        axes.plot(*marks[0][:2], "o", markersize=10, markerfacecolor="none", color=INK)
     if marks:
         label(axes, np.array([mark[:2] for mark in marks]), [name for *_, name in marks], spots=NEAR)
     axes.set_xlabel(f"duration [{across.name}]")
     axes.set_ylabel(f"minimum delta-v [{up.name}]")
     ends = [f"{costs[k]:.4g} {up.name} in {durations[k]:.4g} {across.name}" for k in (0, -1)]
-    headline(figure, f"Minimum delta-v {', '.join(ends[: len(durations)])}")
+    style.headline(figure, f"Minimum delta-v {', '.join(ends[: len(durations)])}")
     return figure
 
 
 @picture("there is no plan, or `most` has none or is a number of sigmas")
 def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Figure:
-    """Plot the cost of a plan against the size of the zones: a point for each plan, a curve through them.
+    """Plot the cost of a plan against the size of the zones: a point for each plan.
 
-    The curve has the slope of each plan at its point. Dots join two plans with different passing sides.
+    Dots join two plans with different passing sides.
     Crosses at the top are sizes for which no clear plan was found. The dashed line is the cost without
     obstacles.
     """
@@ -350,31 +302,26 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
         raise ValueError("found: no clear plan was found at any size; there is nothing to show")
     if most is not None and not instance("most", most, MaxClearance).ok:
         raise ValueError(f"most: has no plan; {most.reason}")
-    factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
+    factors, costs, plans = found.factor, found.spent, list(found.plans)
     if most is not None and most.sigmas == most.sigmas:
         raise ValueError("most: is a number of sigmas, not a size of zones; compute it without errors")
     if most is not None and most.plan is not None:  # an ordinary point of the curve
-        own = most.factor, most.plan.spent, slope(most.plan, most.factor)
-        pairs = zip((factors, costs, slopes), own, strict=True)
-        factors, costs, slopes = (np.append(*pair) for pair in pairs)
+        factors, costs = np.append(factors, most.factor), np.append(costs, most.plan.spent)
         plans.append(most.plan)
     order = np.argsort(factors, kind="stable")
-    factors, costs, slopes = (each[order] for each in (factors, costs, slopes))
+    factors, costs = factors[order], costs[order]
     plans = [plans[k] for k in order]
     highest = max(float(np.nanmax(costs)), 0.0 if most is None else most.budget)
-    up = speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
+    up = style.speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
 
-    figure, (axes,) = chart(5.2)
+    figure, (axes,) = style.chart(5.2)
     axes.axvline(1.0, color=FAINT, linewidth=2.0)
-    axes.axhline(found.free / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
+    axes.axhline(found.free / up.size, color=BEFORE, linestyle=style.DASHED, linewidth=1.2)
     seen = np.flatnonzero(np.isfinite(costs))
     for k, m in zip(seen, seen[1:], strict=False):
-        ends = factors[[k, m]], costs[[k, m]], slopes[[k, m]]
-        if m == k + 1 and alike(plans[k], plans[m]) and np.isfinite(ends[2]).all():
-            across, curve = between(*ends)
-            axes.plot(across, curve / up.size, color=AFTER, linewidth=2.0)
-        else:
-            axes.plot(ends[0], ends[1] / up.size, color=OTHER, linestyle=DOTTED, linewidth=1.4)
+        joined = m == k + 1 and alike(plans[k], plans[m])
+        tint, dashes = (AFTER, "-") if joined else (OTHER, style.DOTTED)
+        axes.plot(factors[[k, m]], costs[[k, m]] / up.size, color=tint, linestyle=dashes, linewidth=2.0)
     axes.plot(factors[seen], costs[seen] / up.size, "o", color=AFTER, markersize=4.5)
     lost = np.setdiff1d(np.arange(len(factors)), seen)
     if len(lost):
@@ -391,31 +338,22 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     metre = float(np.ptp(found.metres) / np.ptp(found.factor)) if np.ptp(found.factor) > 0.0 else 0.0
     if metre > 0.0:
         lengths = (lambda factor: (factor - 1.0) * metre), (lambda length: 1.0 + length / metre)
-        other_axis(axes, "top", lengths, "distance added to the zones [m]")
+        style.other_axis(axes, "top", lengths, "distance added to the zones [m]")
     if (free := found.free / up.size) > 0.0:
         shares = (lambda cost: 100.0 * (cost / free - 1.0)), (lambda share: free * (1.0 + 0.01 * share))
-        other_axis(axes, "right", shares, "increase over the plan without obstacles [%]")
-    headline(figure, clearance_story(found, most, up))
+        style.other_axis(axes, "right", shares, "increase over the plan without obstacles [%]")
+    style.headline(figure, clearance_story(found, most, up))
     return figure
 
 
-def clearance_story(found: ClearanceCostCurve, most: MaxClearance | None, up: Unit) -> str:
+def clearance_story(found: ClearanceCostCurve, most: MaxClearance | None, up: style.Unit) -> str:
     """Return the headline of the clearance figure."""
     if most is not None:
-        share = f" ({signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
+        share = f" ({style.signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
         return f"{up.text(most.budget)}{share} afford zones {most.factor:.4g} times as large"
     seen = np.flatnonzero(np.isfinite(found.spent))
     first, last = seen[np.argmin(found.factor[seen])], seen[np.argmax(found.factor[seen])]
     return ", ".join(f"{up.text(found.spent[k])} at {found.factor[k]:.4g} × zone" for k in (first, last))
-
-
-def between(factors: Floats, costs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return a rising cubic between two plans with their slopes, as far as they allow it."""
-    width, rise = float(np.diff(factors)[0]), float(np.diff(costs)[0])
-    first, last = np.clip(slopes * width, 0.0, STEEPEST * max(rise, 0.0))
-    t = np.linspace(0.0, 1.0, POINTS)
-    curve = costs[0] + rise * t * t * (3.0 - 2.0 * t) + t * (1.0 - t) * (first * (1.0 - t) - last * t)
-    return factors[0] + width * t, curve
 
 
 def alike(one: Plan, other: Plan) -> bool:
@@ -428,9 +366,9 @@ def alike(one: Plan, other: Plan) -> bool:
     )
 
 
-def energy_unit(greatest: float) -> Unit:
+def energy_unit(greatest: float) -> style.Unit:
     """Return the display unit for a maximum energy [m^2/s^3]."""
     for size, name in ((1.0, "m²/s³"), (1e-6, "mm²/s³")):
         if greatest >= size:
-            return Unit(size, name)
-    return Unit(1e-12, "µm²/s³")
+            return style.Unit(size, name)
+    return style.Unit(1e-12, "µm²/s³")

@@ -11,28 +11,19 @@ from typing import Any, Self
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Polygon
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
-from closeform.plots.drawing.inputs import File, Progress, picture
-from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, MovingView, Reel
+from closeform.plots.drawing import space
+from closeform.plots.drawing.inputs import File, picture
+from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, name_moving, write_gif
 from closeform.plots.drawing.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
-from closeform.plots.drawing.space import (
-    GROUP_COLOURS,
-    OBLIQUE,
-    SUN_COLOUR,
-    Camera,
-    fitted,
-    ring,
-    solid,
-    space_axes,
-    triad,
-)
 from closeform.plots.drawing.style import DASHED, headline, legend, sheet, wrapped
 from closeform.plots.drawing.text import SMALL, plain, short_names, word
 from closeform.search.gathering.join_rule import FORMATION, LOST
@@ -42,9 +33,8 @@ from closeform.search.search_errors import SearchErrors, errors_of_each
 from closeform.search.slew_profile import ExecutedTurns
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
-SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
+SUN_VIEW = space.Camera(np.array([EAST, NORTH, SUN]))
 DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
-SEEN = 1e-6  # of the distance: tolerance, so that a pair is in lock at the time of its lock
 NARROWEST, SPACIOUS = 0.035, 0.35  # of the time strip: bands for a short and a full phase name
 FEW = 12  # maximum number of spacecraft that all have cones, shades and names
 SHADE = "#c9ced6"
@@ -131,24 +121,6 @@ class Moment:
         both = zip(self.knots, self.positions, strict=True)
         return [np.vstack([one.points[one.times < self.time], now]) for one, now in both]
 
-    def in_lock(self, pairs: Any) -> Any:
-        """Return which pairs (M, 2) of one A and one B see each other now, as (M,) of bool; theory (13)."""
-        sensor, look = self.gathering.search.sensor, self.attitudes[:, :, 2]
-        sensors = self.positions + sensor.offset * look
-        gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
-        distance = np.linalg.norm(gap, axis=1)
-        ranges = np.full(len(look), sensor.range) if self.errors.range is None else self.errors.range
-        mute = self.errors.silent
-        if (outages := self.errors.outages) is not None:
-            mute = mute | ((outages[..., 0] <= self.time) & (self.time < outages[..., 1])).any(axis=-1)
-        reach = np.where(mute, 0.0, ranges)[pairs].min(axis=1)
-        both = distance <= reach * (1.0 + SEEN)
-        cosines = np.cos(self.half_angles)
-        for one, way in ((pairs[:, 0], 1.0), (pairs[:, 1], -1.0)):
-            ahead = way * (gap * look[one]).sum(axis=1)
-            both &= ahead >= distance * (cosines[one] - SEEN)
-        return both
-
 
 def clock_text(time: float) -> str:
     """Return a time [s] as minutes and seconds."""
@@ -159,35 +131,33 @@ def clock_text(time: float) -> str:
 Cone = tuple[Floats, Floats, Floats, str]  # apex (3,), rim (K, 3) relative to it, shade (K, 3), and colour
 
 
-def cones(view: MovingView, some: Sequence[Cone], width: float) -> None:
+def cones(axes: Axes, camera: space.Camera, some: Sequence[Cone], width: float) -> None:
     """Draw sensor cones and shades of spacecraft."""
-    tints = [colour for *_, colour in some]
-    edges, spokes = [tint(colour, 0.75) for colour in tints], 0.6 * width
-    bodies = [solid(view.camera, apex, apex + rim) for apex, rim, *_ in some]
-    view.shapes("cones", bodies, [tint(colour, 0.2) for colour in tints], "none", linewidths=0.0)
-    facing = [0.3 if view.camera.nearness(rim.mean(axis=0)) > 0.0 else 0.0 for _, rim, *_ in some]
-    faces = [tint(*both) for both in zip(tints, facing, strict=True)]
-    view.shapes("mouths", [view.flat(apex + rim) for apex, rim, *_ in some], faces, edges, linewidths=width)
-    rays = [np.array([apex, apex + tip]) for apex, rim, *_ in some for tip in rim[:-1:12]]
-    shades = [tint(colour, 0.6) for _, rim, _, colour in some for _ in rim[:-1:12]]
-    view.lines("edges", rays, colors=shades, linewidths=spokes)
-    view.shapes("shades", [view.flat(shade) for *_, shade, _ in some], SHADE, INK, linewidths=width)
+    for apex, rim, shade, colour in some:
+        mouth = camera(apex + rim)
+        facing = 0.3 if camera.nearness(rim.mean(axis=0)) > 0.0 else 0.0
+        edge: dict[str, Any] = {"edgecolor": tint(colour, 0.75), "linewidth": width}
+        axes.add_artist(Polygon(space.solid(camera, apex, apex + rim), facecolor=tint(colour, 0.2)))
+        axes.add_artist(Polygon(mouth, facecolor=tint(colour, facing), **edge))
+        rays = [[camera(apex), tip] for tip in mouth[:-1:12]]
+        axes.add_artist(LineCollection(rays, colors=[tint(colour, 0.6)], linewidths=0.6 * width))
+        axes.add_artist(Polygon(camera(shade), facecolor=SHADE, edgecolor=INK, linewidth=width))
 
 
-class Overview(MovingView):
+class Overview:
     """View of all spacecraft from one direction, at one scale for the whole gathering."""
 
     def __init__(
         self,
         axes: Axes,
         title: str,
-        camera: Camera,
+        camera: space.Camera,
         gathering: Gathering,
         knots: Sequence[Knots],
         craft: int,
         called: Sequence[str],
     ) -> None:
-        super().__init__(axes, camera)
+        self.axes, self.camera = axes, camera
         self.gathering, self.few = gathering, len(gathering.groups) <= FEW
         groups, sensor = gathering.groups, gathering.search.sensor
         self.coned = sorted(range(len(groups)) if self.few else [craft], key=lambda k: groups[k])
@@ -196,112 +166,92 @@ class Overview(MovingView):
         span = max(float(np.ptp(points, axis=0).max()), 10.0 * sensor.offset) or 10.0
         self.cone = min(sensor.range, (0.17 if self.few else 0.12) * span)
         self.shade, margin = max(sensor.offset, 0.017 * span), 0.9 * self.cone + sensor.offset
-        space_axes(axes, np.vstack([camera(points) - margin, camera(points) + margin]), camera, DIRECTIONS)
+        space.space_axes(
+            axes, np.vstack([camera(points) - margin, camera(points) + margin]), camera, DIRECTIONS
+        )
         axes.set_title(title, loc="left", fontsize=SMALL, color=INK)
-        if self.few:
-            pairs = [(i, j) for i, a in enumerate(groups) for j, b in enumerate(groups) if a < b]
-        else:  # those that joined sets
-            locks = [event for event in gathering.events if event.kind == EventKind.LOCK]
-            pairs = [(event.first, event.second) for event in locks]
-        self.pairs = np.array(pairs, dtype=int).reshape(-1, 2)
-        few = self.few
-        self.past_look: dict[str, Any] = {"color": BEFORE if few else OTHER, "linewidth": 1.0 if few else 0.4}
-        self.past_look |= {"linestyle": DASHED if few else "-"}
-        self.now_look: dict[str, Any] = {"color": INK, "linewidth": 2.4 if few else 0.7}
+
+    def lines(self, lines: Sequence[Any], label: str, **look: Any) -> None:
+        """Draw lines (K, 3) [m]."""
+        self.axes.add_artist(LineCollection([self.camera(line) for line in lines], label=label, **look))
 
     def show(self, moment: Moment) -> None:
-        """Move everything to a moment."""
+        """Draw everything at a moment."""
         where, offset = moment.positions, self.gathering.search.sensor.offset
         some: list[Cone] = []
         for k in self.coned:
-            attitude, colour = moment.attitudes[k], GROUP_COLOURS[self.gathering.groups[k]]
-            rim = ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
-            shade = where[k] + ring(attitude[:, 0], pi / 2.0, self.shade)
+            attitude, colour = moment.attitudes[k], space.GROUP_COLOURS[self.gathering.groups[k]]
+            rim = space.ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
+            shade = where[k] + space.ring(attitude[:, 0], pi / 2.0, self.shade)
             some.append((where[k] + offset * attitude[:, 2], rim, shade, colour))
-        cones(self, some, 0.9)
-        trails, seen = moment.trails, moment.in_lock(self.pairs)
-        met = {frozenset((event.first, event.second)) for event in moment.locks}
-        known = np.array([frozenset(pair) in met for pair in self.pairs.tolist()], dtype=bool)
-        bends = np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in trails)])
-        self.lines("trails", trails, colors=OTHER, linewidths=1.3 if self.few else 0.6)
-        self.lines("past", list(where[self.pairs[known & ~seen]]), **self.past_look)
-        self.dots("bends", bends, ".", color=INK, markersize=5 if self.few else 0)
-        self.lines("now", list(where[self.pairs[seen if self.few else seen & known]]), **self.now_look)
-        labels = np.array([style_of(label) for label in moment.labels])
+        cones(self.axes, self.camera, some, 0.9)
+        self.lines(moment.trails, "tracks", color=OTHER, linewidths=1.3 if self.few else 0.6)
+        locked = [where[[event.first, event.second]] for event in moment.locks]
+        self.lines(locked, "locks", color=INK, linewidths=1.6 if self.few else 0.6)
+        if self.few:
+            bends = self.camera(np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in moment.trails)]))
+            self.axes.plot(*bends.T, ".", color=INK, markersize=5)
+        flat, labels = self.camera(where), np.array([style_of(label) for label in moment.labels])
         for label, (marker, edge, face) in STYLES.items():
             look: dict[str, Any] = {"color": edge, "markerfacecolor": face, "markersize": 5.0}
-            self.dots(f"set {label}", where[labels == label], marker, linestyle="", **look)
-        self.names(self.called, where[list(self.coned)], [INK] * len(self.called))
+            self.axes.plot(*flat[labels == label].T, marker, linestyle="", **look)
+        name_moving(self.axes, flat[self.coned], self.called, [INK] * len(self.called))
 
 
-class CloseUp(MovingView):
+class CloseUp:
     """Close-up of one spacecraft: its shade and normal, the sensor cone, and the sun line."""
 
     def __init__(self, axes: Axes, gathering: Gathering, craft: int, name: str) -> None:
-        super().__init__(axes, OBLIQUE)
-        self.gathering, self.craft = gathering, craft
-        fitted(axes, (-2.2, -1.8), (2.2, 2.2))
+        self.axes, self.gathering, self.craft = axes, gathering, craft
+        space.fitted(axes, (-2.2, -1.8), (2.2, 2.2))
         axes.set(xticks=[], yticks=[])
         axes.spines[:].set_color(OTHER)
         plain(axes.set_title(f"Close view: {name}", loc="left", fontsize=SMALL, color=INK))
-        triad(axes, self.camera, DIRECTIONS)
-        sun = self.flat(np.array([np.zeros(3), 2.05 * SUN]))
+        space.triad(axes, space.OBLIQUE, DIRECTIONS)
+        sun = space.OBLIQUE(np.array([np.zeros(3), 2.05 * SUN]))
         axes.plot(*sun.T, color=OTHER, linestyle=DASHED, linewidth=1.2)
-        axes.plot(*sun[1], "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=11)
+        axes.plot(*sun[1], "o", color=space.SUN_COLOUR, markeredgecolor=INK, markersize=11)
         word(axes, sun[1], "Sun", shift=(12, 0), ha="left")
-        self.colour = GROUP_COLOURS[gathering.groups[craft]]
+        self.colour = space.GROUP_COLOURS[gathering.groups[craft]]
 
     def show(self, moment: Moment) -> None:
-        """Turn the spacecraft to its attitude at a moment."""
-        attitude = moment.attitudes[self.craft]
+        """Draw the spacecraft in its attitude at a moment."""
+        attitude, axes = moment.attitudes[self.craft], self.axes
         normal, boresight = attitude[:, 0], attitude[:, 2]
         offset = self.gathering.search.sensor.offset
         apex = boresight if offset > 0.0 else np.zeros(3)  # shade radius equals the offset
-        rim = ring(boresight, float(moment.half_angles[self.craft]), 1.1)
-        cones(self, [(apex, rim, ring(normal, pi / 2.0), self.colour)], 1.2)
-        tips = np.array([1.25 * normal, apex + 0.95 * boresight])
-        arrows = list(np.stack([[np.zeros(3), apex], tips], axis=1))
-        self.lines("arrows", arrows, colors=[INK, self.colour], linewidths=[2.0, 2.4])
-        self.dots("heads", tips, "o", color=INK, markersize=3.5)
-        self.write("body x", "body x", self.flat(1.45 * normal))
-        self.write("boresight", "boresight", self.flat(apex + 1.15 * boresight), self.colour)
+        rim = space.ring(boresight, float(moment.half_angles[self.craft]), 1.1)
+        cones(axes, space.OBLIQUE, [(apex, rim, space.ring(normal, pi / 2.0), self.colour)], 1.2)
+        look: dict[str, Any] = {"linewidth": 2.2, "marker": "o", "markevery": [1], "markersize": 3.5}
+        axes.plot(*space.OBLIQUE([0.0 * normal, 1.25 * normal]).T, color=INK, **look)
+        axes.plot(*space.OBLIQUE([apex, apex + 0.95 * boresight]).T, color=self.colour, **look)
+        word(axes, space.OBLIQUE(1.45 * normal), "body x")
+        word(axes, space.OBLIQUE(apex + 1.15 * boresight), "boresight", self.colour)
         leg, off_sun = moment.leg, float(np.arccos(np.clip(normal @ SUN, -1.0, 1.0)))
         axis = "the sun line" if leg.about == "sun line" else leg.about
         about = f"turning about\n{axis}" if leg.angle else "waiting"
         corner: dict[str, Any] = {"shift": (5, -5), "xycoords": "axes fraction", "ha": "left", "va": "top"}
-        self.write("turn", f"{about}\nSun angle {degrees(off_sun):.1f}°", (0, 1), **corner)
+        word(axes, (0, 1), f"{about}\nSun angle {degrees(off_sun):.1f}°", **corner)
 
 
-class Strip:
-    """Time strip of the whole gathering with its phases, locks and a cursor."""
-
-    def __init__(self, axes: Axes, gathering: Gathering) -> None:
-        end = gathering.duration or 1.0
-        axes.set(xlim=(0.0, end), ylim=(0.0, 1.0), xticks=[], yticks=[])
-        axes.spines[:].set_color(OTHER)
-        for k, (name, _, first, last) in enumerate(gathering.search.phases):
-            if first < end:
-                share = (min(last, end) - first) / end
-                axes.axvspan(first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0)
-                text = f"{name}: {SPELLED[name]} search" if share > SPACIOUS else name
-                if share > NARROWEST:
-                    word(axes, (first, 0.5), text, shift=(5, 0), ha="left")
-        times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
-        apart, free = 0.06 * end, -end  # between two labels
-        axes.vlines(times, 0.0, 1.0, color=INK, linewidth=1.4 if len(times) <= FEW else 0.6)
-        named = [time for time in times if time >= free and (free := time + apart)]
-        axes.set_xticks(named, [clock_text(time) for time in named], fontsize=SMALL, color=INK)
-        axes.set_xlabel("locks [min:s]", fontsize=SMALL, color=INK)
-        (self.cursor,) = axes.plot([], [], color=CONFLICT, linewidth=3.0, clip_on=False)
-
-    @property
-    def artists(self) -> dict[str, Artist]:
-        """Moving artists by name."""
-        return {"cursor": self.cursor}
-
-    def show(self, moment: Moment) -> None:
-        """Move the cursor."""
-        self.cursor.set_data([moment.time, moment.time], [-0.15, 1.15])
+def strip(axes: Axes, gathering: Gathering) -> None:
+    """Draw the time strip of the whole gathering with its phases and locks."""
+    end = gathering.duration or 1.0
+    axes.set(xlim=(0.0, end), ylim=(0.0, 1.0), xticks=[], yticks=[])
+    axes.spines[:].set_color(OTHER)
+    for k, (name, _, first, last) in enumerate(gathering.search.phases):
+        if first < end:
+            share = (min(last, end) - first) / end
+            axes.axvspan(first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0)
+            text = f"{name}: {SPELLED[name]} search" if share > SPACIOUS else name
+            if share > NARROWEST:
+                word(axes, (first, 0.5), text, shift=(5, 0), ha="left")
+    times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
+    apart, free = 0.06 * end, -end  # between two labels
+    axes.vlines(times, 0.0, 1.0, color=INK, linewidth=1.4 if len(times) <= FEW else 0.6)
+    named = [time for time in times if time >= free and (free := time + apart)]
+    axes.set_xticks(named, [clock_text(time) for time in named], fontsize=SMALL, color=INK)
+    axes.set_xlabel("locks [min:s]", fontsize=SMALL, color=INK)
 
 
 def tint(colour: str, share: float) -> tuple[float, float, float, float]:
@@ -310,7 +260,7 @@ def tint(colour: str, share: float) -> tuple[float, float, float, float]:
 
 
 class ThreeViews:
-    """Figure with its three views and time strip; `show` moves them to a time."""
+    """Figure with its three views and time strip; `show` draws what moves at a time."""
 
     def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
         count = len(gathering.groups)
@@ -325,29 +275,26 @@ class ThreeViews:
             width_ratios=[0.58, 0.42],
             height_ratios=[0.5, 0.5, 0.06],
         )
+        headline(self.figure, "Mg")  # holds the place of a line
         shared = (gathering, self.knots, craft, self.names)
-        self.oblique = Overview(axes["oblique"], "Oblique view", OBLIQUE, *shared)
+        self.oblique = Overview(axes["oblique"], "Oblique view", space.OBLIQUE, *shared)
         sun = Overview(axes["sun"], "Sun view", SUN_VIEW, *shared)
-        close = CloseUp(axes["close"], gathering, craft, self.names[craft])
-        self.parts = (self.oblique, sun, close, Strip(axes["strip"], gathering))
-        self.story = headline(self.figure, " ")
-        plain(self.story, *self.names)
+        self.parts = (self.oblique, sun, CloseUp(axes["close"], gathering, craft, self.names[craft]))
+        self.strip = axes["strip"]
+        strip(self.strip, gathering)
         handles = self.legend()
         legend(self.figure, handles, [str(one.get_label()) for one in handles], ncols=4, columnspacing=1.6)
 
-    @property
-    def artists(self) -> list[Artist]:
-        """Moving artists, from back to front."""
-        return [*(artist for part in self.parts for artist in part.artists.values()), self.story]
-
-    def show(self, time: float) -> None:
-        """Move all parts to a time [s]."""
+    def show(self, time: float) -> str:
+        """Draw all parts at a time [s], and return the headline."""
         moment = Moment(self.gathering, self.knots, time)
         for part in self.parts:
             part.show(moment)
+        look: dict[str, Any] = {"linewidth": 3.0, "clip_on": False, "in_layout": False}
+        self.strip.plot([time, time], [-0.15, 1.15], color=CONFLICT, **look)
         past = [event for event in self.gathering.events if event.time <= time]
         said = self.last_event(past) if past else "all spacecraft are lost"
-        self.story.set_text(wrapped(self.figure, f"{clock_text(time)}  {moment.leg.phase}: {said}"))
+        return wrapped(self.figure, f"{clock_text(time)}  {moment.leg.phase}: {said}")
 
     def last_event(self, past: list[Event]) -> str:
         """Return the last lock, or the last separate burn after it, as text."""
@@ -380,9 +327,9 @@ class ThreeViews:
         way = {"color": OTHER, "linewidth": 1.3, "marker": "." if view.few else ""}
         bend = {"markerfacecolor": INK, "markeredgecolor": INK}
         lines.append(("track so far, burns" if view.few else "track so far", way | bend))
-        lines += [("in lock now", view.now_look), ("locked before", view.past_look)]
+        lines.append(("have locked", {"color": INK, "linewidth": 1.6}))
         handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in lines]
-        for group, colour in GROUP_COLOURS.items():
+        for group, colour in space.GROUP_COLOURS.items():
             name = f"cone of {group}, cut at {float(f'{view.cone:.2g}'):g} m"
             handles.append(Patch(facecolor=tint(colour, 0.3), edgecolor=colour, label=name))
         return handles
@@ -414,7 +361,7 @@ def three_views(
     if not 0.0 <= number("time", time) <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
     views = ThreeViews(gathering, craft, names)
-    views.show(time)
+    views.figure.texts[0].set_text(views.show(time))
     return views.figure
 
 
@@ -426,7 +373,6 @@ def animation(
     names: Sequence[str] | None = None,
     *,
     frames: int = 150,
-    progress: Progress = None,
 ) -> None:
     """Write an animated GIF of a gathering in three views, as in the simulation of H03.
 
@@ -443,19 +389,9 @@ def animation(
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     whole("frames", frames, 2)
-    found = reel(gathering, craft, names, frames=frames)
-    found.save(file, found.frames(slice(None), progress))
-
-
-def reel(
-    gathering: Gathering, craft: int = 0, names: Sequence[str] | None = None, *, frames: int = 150
-) -> Reel:
-    """Return the animation of `animation` without drawing it."""
-    instance("gathering", gathering, Gathering)
     views = ThreeViews(gathering, craft, names)
     pixels = WIDE if len(gathering.groups) <= FEW else NARROW
-    moments = schedule(gathering, frames)
-    return Reel(views.figure, lambda: views.artists, views.show, moments, pixels)
+    write_gif(file, views.figure, views.show, schedule(gathering, frames), pixels)
 
 
 def schedule(gathering: Gathering, frames: int) -> list[tuple[float, int]]:

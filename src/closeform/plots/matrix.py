@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import FuncNorm, LinearSegmentedColormap
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -21,8 +21,9 @@ from closeform.plots.drawing.text import SMALL, TEXT, plain
 
 NUMBERED = 14  # maximum number of spacecraft with numbers in the cells
 NAMED = 36  # maximum number of names on each axis
-BELOW = ("#8f3300", CONFLICT, "#f2a56b")  # from ratio 0 to the keep-out boundary
-ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from the keep-out boundary to the farthest pair
+LEVELS = (0.0, 0.5, 1.0, 1.5, 2.0, 5.0, 10.0)  # limits of the colours; 1 is the keep-out boundary
+COLOURS = (CONFLICT, "#f2a56b", "#5aa5d1", "#8cc2e0", "#b9d9ec", "#dcecf6")  # and FAR beyond the last
+FAR = "#f1f7fb"
 
 
 @picture("there are fewer than two spacecraft, or no pair has a zone")
@@ -41,53 +42,30 @@ def ratio_matrix(
     least = np.full((count, count), np.nan)
     first, second = pairs.craft.T
     least[first, second] = least[second, first] = np.where(np.isfinite(pairs.ratio), pairs.ratio, np.nan)
-    most = np.nanmax(least, initial=0.0)
-    top = next((float(top) for top in (2, 5, 10, 20, 50) if most <= top), 100.0)
-
     side = float(np.clip(0.55 * count, 2.4, 7.6))
     figure = sheet(side + 1.9, max(side + 2.6, 6.4))
     axes = figure.subplots()
     axes.set_facecolor(FAINT)
-    image = axes.imshow(least, cmap=colour_map(), norm=ratio_norm(top), interpolation="nearest")
+    shades = ListedColormap(COLOURS).with_extremes(over=FAR)
+    norm = BoundaryNorm(LEVELS, len(COLOURS))
+    image = axes.imshow(least, cmap=shades, norm=norm, interpolation="nearest")
     mark(axes, pairs, least)
     name_cells(axes, called)
-    bar = figure.colorbar(image, ax=axes, extend="max" if most > top else "neither", pad=0.03, aspect=30)
-    ticks = [tick for tick in (0, 0.5, 1, 2, 5, 10, 20, 50, 100) if tick <= top]
-    bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-    bar.minorticks_off()
+    bar = figure.colorbar(image, ax=axes, extend="max", spacing="uniform", pad=0.03, aspect=30)
+    bar.set_ticks(list(LEVELS), labels=[f"{level:g}" for level in LEVELS])
     bar.ax.axhline(1.0, color=INK, linewidth=1.6)
     bar.ax.tick_params(labelsize=SMALL, colors=INK, length=3)
     bar.set_label("minimum clearance ratio [× zone]", fontsize=TEXT, color=INK)
     handles: list[Patch] = []
     if pairs.hit.any():
         words = f"{'bold' if count <= NUMBERED else 'crossed'}: in conflict"
-        handles.append(Patch(facecolor=BELOW[1], label=words))
+        handles.append(Patch(facecolor=CONFLICT, label=words))
     if np.isnan(least[np.triu_indices(count, 1)]).any():
         handles.append(Patch(facecolor=FAINT, edgecolor=OTHER, label="no zone or no common time"))
     if handles:
         legend(figure, handles, [str(one.get_label()) for one in handles])
     headline(figure, verdict_of_pairs(pairs, called))
     return figure
-
-
-def ratio_norm(top: float) -> FuncNorm:
-    """Return a norm that is linear below 1 and logarithmic above, with 1 in the middle."""
-
-    def forward(ratio: Any) -> Any:
-        known: Floats = np.ma.filled(np.ma.asarray(ratio, dtype=float), np.nan)
-        return np.where(known < 1.0, known - 1.0, np.log(np.maximum(known, 1.0)) / np.log(top))
-
-    def backward(place: Any) -> Any:
-        return np.where(np.less(place, 0.0), np.add(place, 1.0), top ** np.maximum(place, 0.0))
-
-    return FuncNorm((forward, backward), vmin=0.0, vmax=top)
-
-
-def colour_map() -> LinearSegmentedColormap:
-    """Return a colour map of two ranges with a step between them in the middle."""
-    lower, upper = np.linspace(0.0, 0.5, 3), np.linspace(0.5, 1.0, 3)
-    stops = [*zip(lower, BELOW, strict=True), *zip(upper, ABOVE, strict=True)]
-    return LinearSegmentedColormap.from_list("ratio", stops, N=512)
 
 
 def mark(axes: Axes, pairs: Pairs, least: Floats) -> None:
@@ -101,7 +79,11 @@ def mark(axes: Axes, pairs: Pairs, least: Floats) -> None:
     met = set(map(tuple, hit.tolist()))
     for row, column in np.argwhere(np.isfinite(least)).tolist():
         ratio, bold = least[row, column], (row, column) in met
-        look: dict[str, Any] = {"color": "white" if ratio < 0.75 else INK, "ha": "center", "va": "center"}
+        look: dict[str, Any] = {
+            "color": "white" if ratio < LEVELS[1] else INK,
+            "ha": "center",
+            "va": "center",
+        }
         look |= {"fontsize": SMALL - 0.25 * max(0, count - 8), "fontweight": "bold" if bold else "normal"}
         axes.text(column, row, ratio_text(ratio), **look)
 

@@ -51,10 +51,7 @@ class Stage:
         chosen = self.pairs.order[:CLOSEST]
         sparse = self.times[:: -(-len(self.times) // LOOKS)]
         times = np.union1d(np.append(sparse, self.times[-1]), self.pairs.time[chosen])
-        places, least = self.paths.position(times), np.full(len(times), np.inf)
-        for zone in {id(self.pairs.zone[k]): self.pairs.zone[k] for k in chosen}.values():
-            one, other = self.pairs.craft[[k for k in chosen if self.pairs.zone[k] is zone]].T
-            least = np.minimum(least, zone._norm(places[one] - places[other]).min(axis=0))
+        least = self.pairs.ratios(times, chosen).min(axis=0)
         near = chosen[0]
         return Curve(times, least, dot=(float(self.pairs.time[near]), float(self.pairs.ratio[near])))
 

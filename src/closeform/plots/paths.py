@@ -21,6 +21,7 @@ from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
 from closeform.planning.requirements import ApproachCone
 from closeform.plots.clearances import Deviations, Failed
+from closeform.plots.drawing import space, style
 from closeform.plots.drawing.inputs import Paths, Zones, crafts, picture, same
 from closeform.plots.drawing.pairs import Pairs, ratio_text
 from closeform.plots.drawing.palette import (
@@ -34,37 +35,10 @@ from closeform.plots.drawing.palette import (
     ZONE,
     colours,
 )
-from closeform.plots.drawing.space import (
-    PLANES,
-    Camera,
-    Mark,
-    Scene,
-    Shape,
-    Track,
-    finished,
-    hull,
-    in_planes,
-    in_space,
-)
-from closeform.plots.drawing.style import (
-    DASHED,
-    DOTTED,
-    clock,
-    common_time,
-    dress,
-    instants,
-    length,
-    length_unit,
-    plural,
-    rounded_down,
-    sheet,
-    signed_percent,
-    speed,
-)
 from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
-from closeform.zones.outlines import CIRCLE, drawn, section
+from closeform.zones.outlines import CIRCLE, drawn
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
@@ -84,16 +58,16 @@ SHARE = 0.06  # of the figure's extent: maximum size of a magnified deviation
 ORIGIN = np.zeros(3)
 
 
-def track_of(path: Path, colour: Any, *args: Any, **look: Any) -> Track:
+def track_of(path: Path, colour: Any, *args: Any, **look: Any) -> space.Track:
     """Return a path, sampled for a smooth curve, as a track."""
-    return Track(path.position(instants(path.start, path.end, path)), colour, *args, **look)
+    return space.Track(path.position(style.instants(path.start, path.end, path)), colour, *args, **look)
 
 
-def stretches(path: Path, intervals: Any, width: float = 4.5) -> list[Track]:
+def stretches(path: Path, intervals: Any, width: float = 4.5) -> list[space.Track]:
     """Return the stretches of a path in conflict, as thick tracks."""
     look: dict[str, Any] = {"label": "in conflict", "arrow": False, "order": 3.0}
     times = [np.linspace(start, end, 60) for start, end in intervals]
-    return [Track(path.position(some), CONFLICT, width, **look) for some in times]
+    return [space.Track(path.position(some), CONFLICT, width, **look) for some in times]
 
 
 # ----- a formation before and after a plan
@@ -103,7 +77,7 @@ def stretches(path: Path, intervals: Any, width: float = 4.5) -> list[Track]:
 class Formation:
     """Paths of a formation at one stage of a plan: their scene, and the facts for the headline."""
 
-    scene: Scene
+    scene: space.Scene
     conflicts: int  # pairs in conflict
     pairs: int  # pairs that have a zone
     named: str  # some of those in conflict
@@ -121,7 +95,7 @@ class Formation:
         count, lacking = len(craft_paths), zone is None or (isinstance(zone, Sequence) and not zone)
         many = count > MANY
         kept = Sphere(1.0) if many and lacking else zone  # ranks pairs by distance
-        pairs = (Pairs.near if many else Pairs.of)([*craft_paths, *others], kept, count, "zone")
+        pairs = Pairs.of([*craft_paths, *others], kept, count, "zone")
         if shown is None:
             shown = closest_craft(pairs, count) if many else list(range(count))
         rest = np.setdiff1d(np.arange(count), shown)
@@ -142,26 +116,30 @@ class Formation:
         if len(sample):
             story = f"{story}; in colour the {len(shown)} craft of the closest pairs"
         words = "\n".join(filter(None, (title, story)))
-        scene = Scene(tracks, [*marks, *nearest], shapes, words)
+        scene = space.Scene(tracks, [*marks, *nearest], shapes, words)
         if many and lacking:
             return cls(scene, 0, 0, "", shown)
         return cls(scene, int(pairs.hit.sum()), pairs.total, in_words(pairs, called), shown)
 
 
-def own_tracks(lines: Sequence[Floats]) -> list[Track]:
+def own_tracks(lines: Sequence[Floats]) -> list[space.Track]:
     """Return the lines (K, 3) of several spacecraft as tracks in their colours."""
     few = len(lines) <= NAMED
     pairs = zip(lines, colours(len(lines)), strict=True)
-    return [Track(line, tint, 2.0 if few else 1.0, arrow=len(lines) <= 3 * NAMED) for line, tint in pairs]
+    return [
+        space.Track(line, tint, 2.0 if few else 1.0, arrow=len(lines) <= 3 * NAMED) for line, tint in pairs
+    ]
 
 
-def ends(lines: Sequence[Floats], called: Sequence[str]) -> list[Mark]:
+def ends(lines: Sequence[Floats], called: Sequence[str]) -> list[space.Mark]:
     """Return the starts, with names if there are few, and ends of lines (K, 3) in their colours."""
     few, tints = len(lines) <= NAMED, colours(len(lines))
     size = 6.0 if few else 3.5
-    found = [Mark(line[-1], tint, size=size, label="end") for line, tint in zip(lines, tints, strict=True)]
+    found = [
+        space.Mark(line[-1], tint, size=size, label="end") for line, tint in zip(lines, tints, strict=True)
+    ]
     for line, tint, name in zip(lines, tints, called, strict=True):
-        found.append(Mark(line[0], tint, "o", "none", 1.3 * size, "start", name if few else "", 4.1))
+        found.append(space.Mark(line[0], tint, "o", "none", 1.3 * size, "start", name if few else "", 4.1))
     return found
 
 
@@ -178,21 +156,21 @@ def closest_craft(pairs: Pairs, count: int) -> list[int]:
 
 def closest_pair(
     pairs: Pairs, count: int, called: list[str], by_distance: bool = False
-) -> tuple[list[Shape], list[Mark], str]:
+) -> tuple[list[space.Shape], list[space.Mark], str]:
     """Return zone, marks and description of the closest pair then; `by_distance` for 1 m zones."""
     if not pairs.order:
         return [], [], ""
     near = pairs.order[0]
     one, other = pairs.craft[near].tolist()
     least = pairs.ratio[near]
-    how = length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
+    how = style.length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
     pair = [other, one] if carries(pairs.paths, count, other, one) else [one, other]
     places = [pairs.paths[k].position(pairs.time[near]) for k in pair]
-    shapes = [] if by_distance else [Shape(pairs.zone[near], places[0], "zone at closest approach")]
+    shapes = [] if by_distance else [space.Shape(pairs.zone[near], places[0], "zone at closest approach")]
     look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair at that time", "order": 4.2}
     return (
         shapes,
-        [Mark(place, INK, **look) for place in places],
+        [space.Mark(place, INK, **look) for place in places],
         f"closest {called[one]} and {called[other]}, {how}",
     )
 
@@ -267,7 +245,7 @@ def formation_paths(
     for title, paths in sides:
         shown = stages[0].shown if stages else None
         stages.append(Formation.of(title, paths, others, zone, every, shown))
-    draw = in_planes if np.isfinite(before.orbit.period) else in_space
+    draw = space.in_planes if np.isfinite(before.orbit.period) else space.in_space
     return draw([stage.scene for stage in stages], formation_story(stages, len(called)))
 
 
@@ -278,7 +256,7 @@ def formation_story(stages: list[Formation], count: int) -> str:
         if len(stages[0].shown) < count:
             return f"{craft}: the closest pairs"
         return f"{craft}: {'paths before and after' if two else 'all paths'}"
-    counted = plural(stages[0].pairs, "pair")
+    counted = style.plural(stages[0].pairs, "pair")
     words = [str(stage.conflicts) if stage.conflicts else "none" for stage in stages]
     if not any(stage.conflicts for stage in stages):
         return f"{craft}, {counted}: paths clear{' before and after' if two else ''}"
@@ -318,17 +296,17 @@ def before_after(
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
     changed = not same(before, after)
     versions: list[tuple[Path, str, Any, str, float]] = [
-        (before, BEFORE, DASHED, "before" if changed else "path", 1.0)
+        (before, BEFORE, style.DASHED, "before" if changed else "path", 1.0)
     ]
     if changed:
         versions.append((after, AFTER, "-", "after", TOUCHED))
-    tracks, marks, shapes, stories = list[Track](), list[Mark](), list[Shape](), list[str]()
+    tracks, marks, shapes, stories = list[space.Track](), list[space.Mark](), list[space.Shape](), list[str]()
     for other in others:
-        times = instants(*common_time(before, other), other)
-        tracks.append(Track(other.position(times), OTHER, 1.1, label="obstacles"))
+        times = style.instants(*style.common_time(before, other), other)
+        tracks.append(space.Track(other.position(times), OTHER, 1.1, label="obstacles"))
     if corridor is not None:
-        for line in corridor._outline(after.position(instants(after.start, after.end, after))):
-            tracks.append(Track(line, ALTERNATIVE, 1.2, "-", "corridor", arrow=False))
+        for line in corridor._outline(after.position(style.instants(after.start, after.end, after))):
+            tracks.append(space.Track(line, ALTERNATIVE, 1.2, "-", "corridor", arrow=False))
     hit, closest = set[int](), list[tuple[float, int]]()
     for path, colour, dashes, role, limit in versions:
         tracks.append(track_of(path, colour, 2.2, dashes, role))
@@ -353,22 +331,22 @@ def before_after(
         near_k = closest_approach(before, others[k], zone)
         shapes, marks = passage_of(before, others[k], near_k, zone, called[k], after=False)
     first, last = before.position([before.start, before.end])
-    marks.append(Mark(first, INK, face="white", label="start", order=6.0))
-    marks.append(Mark(last, INK, label="end", order=6.0))
+    marks.append(space.Mark(first, INK, face="white", label="start", order=6.0))
+    marks.append(space.Mark(last, INK, label="end", order=6.0))
     said = ". ".join(f"{story[0].upper()}{story[1:]}" for story in stories)
-    scene = Scene(tracks, marks, shapes)
-    return (in_planes if np.isfinite(before.orbit.period) else in_space)([scene], said)
+    scene = space.Scene(tracks, marks, shapes)
+    return (space.in_planes if np.isfinite(before.orbit.period) else space.in_space)([scene], said)
 
 
 def passage_of(
     path: Path, other: Path, near: Approach, zone: Zone, name: str, after: bool
-) -> tuple[list[Shape], list[Mark]]:
+) -> tuple[list[space.Shape], list[space.Mark]]:
     """Return the zone at its obstacle's position at closest approach, and the positions of both then."""
     centre = other.position(near.time)
     tint = AFTER if after else CONFLICT if near.ratio <= 1.0 else BEFORE
     words = "zone at closest approach, after" if after else "zone at closest approach"
-    shape = Shape(zone, centre, words, AFTER if after else ZONE, not after)
-    host = Mark(
+    shape = space.Shape(zone, centre, words, AFTER if after else ZONE, not after)
+    host = space.Mark(
         centre,
         AFTER if after else OTHER,
         "s",
@@ -376,15 +354,18 @@ def passage_of(
         label="obstacle at that time",
         name=name * (not after),
     )
-    return [shape], [host, Mark(path.position(near.time), tint, label="spacecraft at that time", order=5.0)]
+    return [shape], [
+        host,
+        space.Mark(path.position(near.time), tint, label="spacecraft at that time", order=5.0),
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class SquareView:
     """Scene seen by a camera in a square of half-width `half` [m] around a `middle` (2,) [m]."""
 
-    scene: Scene
-    camera: Camera
+    scene: space.Scene
+    camera: space.Camera
     axes_names: tuple[str, str]
     middle: Any
     half: float
@@ -392,19 +373,19 @@ class SquareView:
 
 def squares(views: Sequence[SquareView], said: str) -> Figure:
     """Return a figure of square views side by side."""
-    figure = sheet(6.6)
+    figure = style.sheet(6.6)
     shown = []
     for axes, view in zip(figure.subplots(1, len(views)), views, strict=True):
-        unit = length_unit(view.half)
+        unit = style.length_unit(view.half)
         limits = (np.asarray(view.middle)[:, None] + view.half * np.array([-1.0, 1.0])) / unit.size
         axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="S")  # so that labels have room
-        dress(axes)
+        style.dress(axes)
         plain(axes.set_title(view.scene.title, fontsize=SMALL, color=INK))
         for axis, name in zip((axes.xaxis, axes.yaxis), view.axes_names, strict=True):
             axis.set_label_text(f"{name} [{unit.name}]")
             axis.set_major_locator(MaxNLocator(6))
         shown.append((axes, view.scene, view.camera, unit.size))
-    return finished(figure, shown, said)
+    return space.finished(figure, shown, said)
 
 
 def around(points: Floats) -> tuple[Floats, float]:
@@ -419,10 +400,9 @@ def two_ways(
 ) -> Figure:
     """Plot the avoidance trajectories around one obstacle, each with its two legs: SP11 figure 2.
 
-    The left panel shows the orbital frame: the path, the zone at the obstacle's position at closest approach,
-    and the avoidance trajectories. Each is solid up to its own closest approach (initial leg) and dotted
-    after it (terminal leg). The right panel shows the motion relative to the obstacle, with a section of the
-    zone. If the path is clear, it is drawn alone.
+    The zone is drawn at the obstacle's position at closest approach. Each avoidance trajectory is solid up to
+    its own closest approach (initial leg) and dotted after it (terminal leg). If the path is clear, it is
+    drawn alone.
 
     Parameters
     ----------
@@ -436,116 +416,49 @@ def two_ways(
     ----------
     SP11 (Sauter and Palmer 2011) figure 2.
     """
-    shared = common_time(path, obstacle)
+    shared = style.common_time(path, obstacle)
     near = closest_approach(path, obstacle, zone)
     chosen = ways_around(path, obstacle, zone) if ways is None else sequence("ways", ways, Path)
     if len(chosen) > 2:
         raise ValueError(f"ways: at most 2, got {len(chosen)}")
     (called,) = short_names([instance("name", name, str)], 1) if name is not None else ("obstacle",)
-
-    own: list[tuple[Path, float, str, str, float]] = [(path, near.time, BEFORE, "path", 1.0)]
     other = obstacle.position(near.time)
-    for k, avoidance in enumerate(chosen):
-        common_time(avoidance, obstacle)
+    stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone)]
+    tracks = [space.Track(obstacle.position(style.instants(*shared, obstacle)), OTHER, 1.6, label=called)]
+    tracks += [track_of(path, BEFORE, 2.2, style.DASHED, "path"), *stretches(path, stays)]
+    marks = [space.Mark(other, OTHER, "s", label=f"{called} then")]
+    for k, (avoidance, tint) in enumerate(zip(chosen, (AFTER, ALTERNATIVE), strict=False), 1):
+        style.common_time(avoidance, obstacle)
         at = closest_approach(avoidance, obstacle, zone).time
-        label = f"way {k + 1}, {extra_cost(path, avoidance)}"
-        own.append((avoidance, at, (AFTER, ALTERNATIVE)[k], label, (1.0, -1.0)[k]))
-    stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone) if stay.start < stay.end]
-    tracks = [Track(obstacle.position(instants(*shared, obstacle)), OTHER, 1.6, label=called)]
-    relative, marks, dots = list[Track](), list[Mark](), [Mark(ORIGIN, OTHER, "s", label=called)]
-    bases = [passing_plane(avoidance.state(at) - obstacle.state(at), side) for avoidance, at, *_, side in own]
-    bases[0] = bases[1] if len(bases) > 1 else bases[0]
-    for (avoidance, at, colour, label, _), basis in zip(own, bases, strict=True):
-        legs = [(avoidance.start, at, "-", ", initial leg"), (at, avoidance.end, DOTTED, ", terminal leg")]
-        if avoidance is path:
-            legs = [(avoidance.start, avoidance.end, DASHED, "")]
-            legs += [(start, end, "-", "in conflict") for start, end in stays]
-        for start, end, dashes, leg in legs:
-            if start >= end:
-                continue
-            hit = leg == "in conflict"
-            look: dict[str, Any] = {
-                "label": leg if hit else label + leg,
-                "arrow": not hit and dashes != DOTTED,
-            }
-            look |= {"colour": CONFLICT if hit else colour, "width": 4.5 if hit else 2.2, "dashes": dashes}
-            tracks.append(Track(avoidance.position(instants(start, end, avoidance)), **look))
-            start, end = max(start, shared[0]), min(end, shared[1])
+        for start, end, dashes, leg in (
+            (avoidance.start, at, "-", "initial"),
+            (at, avoidance.end, style.DOTTED, "terminal"),
+        ):
             if start < end:
-                times = instants(start, end, avoidance, obstacle)
-                relative.append(
-                    Track(flat(avoidance.position(times) - obstacle.position(times), basis), **look)
-                )
-        if avoidance is not path:
-            marks.append(Mark(avoidance.position(at), colour, size=8.0, order=5.0))
-            dots.append(
-                Mark(flat((avoidance.position(at) - obstacle.position(at))[None], basis)[0], colour, size=8.0)
-            )
+                words = f"way {k}, {extra_cost(path, avoidance)}" if leg == "initial" else "terminal leg"
+                points = avoidance.position(style.instants(start, end, avoidance))
+                tracks.append(space.Track(points, tint, 2.2, dashes, words, leg == "initial"))
+        marks.append(space.Mark(avoidance.position(at), tint, size=8.0, order=5.0))
     first, last = path.position([path.start, path.end])
-    marks += [
-        Mark(first, INK, face="white", label="start"),
-        Mark(last, INK, label="end"),
-        Mark(other, OTHER, "s"),
-    ]
-
-    course = np.vstack([track.points for track in tracks[1:]])
-    pair, camera = max(PLANES, key=lambda plane: shown_well(course, [mark.point for mark in marks], plane[0]))
-    names = DIRECTIONS[pair[0]].name, DIRECTIONS[pair[1]].name
-    shape = Shape(zone, other, "zone at closest approach")
-    left = SquareView(
-        Scene(tracks, marks, [shape], "in the orbital frame"), camera, names, *around(camera(course))
-    )
-
-    def halves(axes: Axes, _: Camera, unit: float) -> None:
-        """Draw the section of the zone by the plane of each way, in its half of the figure."""
-        for sign, basis in ((1.0, bases[0]), (-1.0, bases[-1])):
-            outline = section(zone, basis) / unit
-            half = outline[sign * outline[:, 1] >= -1e-9]
-            axes.fill(*half.T, facecolor=ZONE, alpha=0.3)
-
-    reach = [float(np.linalg.norm(path.position(near.time) - other)), float(drawn(zone).extents.max())]
-    reach += [float(np.linalg.norm(dot.point)) for dot in dots]
-    seen = Scene(
-        relative, dots, title=f"relative to {'the obstacle' if name is None else called}", extras=[halves]
-    )
-    names = "along the relative motion", "perpendicular to it"
-    right = SquareView(seen, Camera(np.eye(3)), names, np.zeros(2), 1.6 * max(reach))
-    time = clock(path, path.start, path.end).text(near.time)
-    if near.ratio > 1:
-        return squares([left, right], f"No avoidance is needed: closest {near.ratio:.2f} × zone at {time}")
-    count = ("No avoidance trajectory", "One avoidance trajectory", "Two avoidance trajectories")[len(chosen)]
-    alone = ", none found on the other side" if len(chosen) == 1 else ""
-    return squares([left, right], f"{count} for the conflict at {time} ({near.ratio:.2f} × zone){alone}")
-
-
-def passing_plane(gap: Floats, side: float) -> Floats:
-    """Return unit vectors (2, 3) along the relative velocity of a state (6,) and towards the passing side."""
-    basis: list[Floats] = []
-    for vector in (gap[3:], side * gap[:3], *np.eye(3)):
-        size = np.linalg.norm(vector)
-        rest = vector - sum(((vector @ u) * u for u in basis), np.zeros(3))
-        if size > 0 and np.linalg.norm(rest) > 1e-6 * size:
-            basis.append(rest / np.linalg.norm(rest))
-    return np.array(basis[:2])
-
-
-def flat(points: Floats, basis: Floats) -> Floats:
-    """Return points (K, 3) in the coordinates of a plane (2, 3), with a third coordinate of zero."""
-    return np.pad(points @ basis.T, ((0, 0), (0, 1)))
-
-
-def shown_well(course: Floats, points: Sequence[Floats], pair: tuple[int, int]) -> float:
-    """Score a plane by the spread of the paths (K, 3) and of some points in it."""
-    long, wide = np.linalg.svd((course - course.mean(axis=0))[:, list(pair)], compute_uv=False)
-    return float(np.hypot(*np.ptp(points, axis=0)[list(pair)]) * (long + 3 * wide))
+    marks += [space.Mark(first, INK, face="white", label="start"), space.Mark(last, INK, label="end")]
+    time = style.clock(path, path.start, path.end).text(near.time)
+    said = f"No avoidance is needed: closest {near.ratio:.2f} × zone at {time}"
+    if near.ratio <= 1:
+        count = ("No avoidance trajectory", "One avoidance trajectory", "Two avoidance trajectories")[
+            len(chosen)
+        ]
+        alone = ", none found on the other side" if len(chosen) == 1 else ""
+        said = f"{count} for the conflict at {time} ({near.ratio:.2f} × zone){alone}"
+    scene = space.Scene(tracks, marks, [space.Shape(zone, other, "zone at closest approach")])
+    return (space.in_planes if np.isfinite(path.orbit.period) else space.in_space)([scene], said)
 
 
 def extra_cost(path: Path, avoidance: Path) -> str:
     """Return the extra cost of a path as text: energy if both are finite, otherwise delta-v."""
     if 0 < path.energy < np.inf and avoidance.energy < np.inf:
-        return f"{signed_percent(avoidance.energy / path.energy - 1)} energy"
+        return f"{style.signed_percent(avoidance.energy / path.energy - 1)} energy"
     more = avoidance.delta_v - path.delta_v
-    return f"{'+' if more >= 0.0 else '−'}{speed(abs(more))} Δv"
+    return f"{'+' if more >= 0.0 else '−'}{style.speed(abs(more))} Δv"
 
 
 # ----- free drift after a loss of thrust
@@ -573,16 +486,16 @@ def drift_fan(
     found = Failed.of(path, other, zone, until)
     worst, period = found.worst, path.orbit.period
     lost, met = worst.failed_at, worst.time
-    planned = gap(found, None, instants(path.start, path.end, path))
-    whole, beside = list[Track](), list[Track]()
+    planned = gap(found, None, style.instants(path.start, path.end, path))
+    whole, beside = list[space.Track](), list[space.Track]()
     wanted = np.linspace(found.times[0], found.times[-1], FAN)
     for k in np.unique(np.searchsorted(found.times, wanted).clip(0, len(found.times) - 1)).tolist():
         unsafe, time = bool(found.ratios[k] <= 1.0), float(found.times[k])
         words = f"free drift that {'enters the zone' if unsafe else 'stays clear'}"
         look: dict[str, Any] = {"colour": UNSAFE if unsafe else SAFE, "width": 0.9, "arrow": False}
         look |= {"label": words, "order": 2.1 + 0.1 * unsafe}
-        whole.append(Track(gap(found, time, first_orbit(found, time, found.met[k])), **look))
-        beside += [Track(piece, **look) for piece in abeam(found, time)]
+        whole.append(space.Track(gap(found, time, first_orbit(found, time, found.met[k])), **look))
+        beside += [space.Track(piece, **look) for piece in abeam(found, time)]
     tint = CONFLICT if worst.ratio <= 1.0 else AFTER
     look = {
         "colour": tint,
@@ -591,28 +504,30 @@ def drift_fan(
         "label": "closest free drift",
         "order": 4.0,
     }
-    whole.append(Track(gap(found, lost, first_orbit(found, lost, met)), **look))
-    beside += [Track(piece, **look) for piece in abeam(found, lost)]
+    whole.append(space.Track(gap(found, lost, first_orbit(found, lost, met)), **look))
+    beside += [space.Track(piece, **look) for piece in abeam(found, lost)]
     start, end = gap(found, None, np.array([path.start, path.end]))
     marks = [
-        Mark(start, INK, face="white", label="start of the plan", order=5.0),
-        Mark(end, INK, label="end of the plan", order=5.0),
-        Mark(gap(found, None, np.array([lost]))[0], tint, "X", size=9.0, label="loss of thrust", order=6.0),
+        space.Mark(start, INK, face="white", label="start of the plan", order=5.0),
+        space.Mark(end, INK, label="end of the plan", order=5.0),
+        space.Mark(
+            gap(found, None, np.array([lost]))[0], tint, "X", size=9.0, label="loss of thrust", order=6.0
+        ),
     ]
-    nearest: list[Mark] = []
+    nearest: list[space.Mark] = []
     if np.isfinite(met):
         last = max(lost, met - (LAST * period if np.isfinite(period) else np.inf))
-        whole.append(Track(gap(found, lost, np.linspace(last, met, 600)), **look))
+        whole.append(space.Track(gap(found, lost, np.linspace(last, met, 600)), **look))
         point = gap(found, lost, np.array([met]))[0]
-        nearest = [Mark(point, tint, face="none", size=10.0, label="closest approach", order=6.0)]
-    whole.append(Track(planned, INK, 2.4, label="plan", order=3.0))
-    shape, extents = Shape(zone, ORIGIN, "keep-out zone"), drawn(zone).extents
+        nearest = [space.Mark(point, tint, face="none", size=10.0, label="closest approach", order=6.0)]
+    whole.append(space.Track(planned, INK, 2.4, label="plan", order=3.0))
+    shape, extents = space.Shape(zone, ORIGIN, "keep-out zone"), drawn(zone).extents
     reach = np.vstack([planned, np.diag(extents), -np.diag(extents)])
-    cameras = PLANES[0], PLANES[2]
+    cameras = space.PLANES[0], space.PLANES[2]
     names_of = [tuple(DIRECTIONS[axis].name for axis in pair) for pair, _ in cameras]
     scenes = (
-        Scene(whole, [*marks, *nearest], [shape], f"relative to {called[1]}, from the side"),
-        Scene(beside, nearest, [shape], "near the zone, seen along the track"),
+        space.Scene(whole, [*marks, *nearest], [shape], f"relative to {called[1]}, from the side"),
+        space.Scene(beside, nearest, [shape], "near the zone, seen along the track"),
     )
     half = max(2.6, 1.3 * min(worst.ratio, 5.0)) * float(extents[[0, 2]].max())
     views = [
@@ -620,7 +535,7 @@ def drift_fan(
         SquareView(scenes[1], cameras[1][1], names_of[1], np.zeros(2), half),  # type: ignore[arg-type]
     ]
     fate = "stays clear" if worst.ratio > 1.0 else "drifts into the zone"
-    said = f"{called[0]} {fate}: {found.story(clock(path, path.start, path.end))}"
+    said = f"{called[0]} {fate}: {found.story(style.clock(path, path.start, path.end))}"
     return squares(views, said)
 
 
@@ -697,11 +612,11 @@ def tube(
     track = found.states[:, :3]
     wide = many * np.sqrt(np.einsum("tii->ti", found.covariances)[:, :3])
 
-    def swept(axes: Axes, camera: Camera, unit: float) -> None:
+    def swept(axes: Axes, camera: space.Camera, unit: float) -> None:
         basis = camera.basis[:2] / unit
         every = ellipses(basis @ found.covariances[:, :3, :3] @ basis.T, many) + (track @ basis.T)[:, None]
         some = every[np.unique(np.linspace(0, len(every) - 1, SWEPT).astype(int))]
-        hulls = [hull(np.concatenate(pair)) for pair in pairwise(some)]
+        hulls = [space.hull(np.concatenate(pair)) for pair in pairwise(some)]
         axes.add_collection(PolyCollection(hulls, facecolor=TUBE, edgecolor=TUBE, zorder=1))
         lined = every[np.unique(np.linspace(0, len(every) - 1, OUTLINED).astype(int))]
         look: dict[str, Any] = {"facecolor": "none", "edgecolor": AFTER, "linewidth": 0.7, "zorder": 2}
@@ -710,16 +625,21 @@ def tube(
             look |= {"edgecolor": CONFLICT, "linewidth": 1.8, "zorder": 5}
             axes.add_collection(PolyCollection([every[nearest]], **look))
 
-    marks = [Mark(track[0], INK, face="none", size=8.0, label="start"), Mark(track[-1], INK, label="end")]
+    marks = [
+        space.Mark(track[0], INK, face="none", size=8.0, label="start"),
+        space.Mark(track[-1], INK, label="end"),
+    ]
     if nearest is not None:
-        marks.append(Mark(track[nearest], CONFLICT, label="closest approach in sigmas", order=5.5))
-    ticks = clock(path, float(found.times[0]), float(found.times[-1]))
+        marks.append(space.Mark(track[nearest], CONFLICT, label="closest approach in sigmas", order=5.5))
+    ticks = style.clock(path, float(found.times[0]), float(found.times[-1]))
     how = "clear" if least.sigmas >= many else "not clear"
     said = f"{how} at {many:g} sigma, minimum {least.sigmas:.2f} sigma at {ticks.text(least.time)}"
     said = said if touched else "no error of any size causes a conflict"
-    shapes, reach = [Shape(zone, ORIGIN)], np.concatenate([track - wide, track + wide])
-    scene = Scene([Track(track, AFTER, 2.2, label="path", order=3.0)], marks, shapes, "", [swept], reach)
-    return in_planes([scene], f"{one} relative to {two}: {said}")
+    shapes, reach = [space.Shape(zone, ORIGIN)], np.concatenate([track - wide, track + wide])
+    scene = space.Scene(
+        [space.Track(track, AFTER, 2.2, label="path", order=3.0)], marks, shapes, "", [swept], reach
+    )
+    return space.in_planes([scene], f"{one} relative to {two}: {said}")
 
 
 def ellipses(covariances: Floats, sigmas: float) -> Floats:
@@ -745,16 +665,16 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     shown = [*range(min(RUNS, max(FEWEST, VERTICES // len(some)), runs)), flight.worst]
     off = flight.states[shown][:, :, some, :3] - planned
     room, most = SHARE * (np.ptp(planned.reshape(-1, 3), axis=0).max() or 1.0), float(np.abs(off).max())
-    gain = rounded_down(room / most) if 0.0 < most < room else 1.0
+    gain = style.rounded_down(room / most) if 0.0 < most < room else 1.0
     enlarged = planned + gain * off
     tracks = own_tracks(list(planned))
     for k, tint in enumerate(colours(count)):
         pale: dict[str, Any] = {"width": 0.6, "arrow": False, "order": 1.9, "label": "each run"}
-        tracks += [Track(line, [*tint[:3], 0.25], **pale) for line in enlarged[:-1, k] if runs > 1]
+        tracks += [space.Track(line, [*tint[:3], 0.25], **pale) for line in enlarged[:-1, k] if runs > 1]
         worst = f"run {flight.worst}, {'closest approach' if flight.ratios.size else 'largest deviation'}"
         words = worst if runs > 1 else "simulated"
-        tracks.append(Track(enlarged[-1, k], CONFLICT, 0.9, label=words, arrow=False, order=2.5))
+        tracks.append(space.Track(enlarged[-1, k], CONFLICT, 0.9, label=words, arrow=False, order=2.5))
     scale = f"magnified {gain:g} times" if gain != 1.0 else "to scale"
-    most_off = length(flight.greatest_deviation)
-    said = f"{plural(runs, 'run')} of {count} craft: deviation at most {most_off}, {scale}"
-    return in_planes([Scene(tracks, ends(list(planned), called))], said)
+    most_off = style.length(flight.greatest_deviation)
+    said = f"{style.plural(runs, 'run')} of {count} craft: deviation at most {most_off}, {scale}"
+    return space.in_planes([space.Scene(tracks, ends(list(planned), called))], said)

@@ -1,4 +1,4 @@
-"""Simulations in the high-fidelity model: deviations, clearance ratios and costs of all runs."""
+"""Simulations in the high-fidelity model: deviations and clearance ratios of all runs."""
 
 from __future__ import annotations
 
@@ -12,30 +12,15 @@ from closeform.arrays import Floats, instance
 from closeform.dynamics.clearance import ratios_at_times
 from closeform.dynamics.control.tracking_tube import Tube
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, name_rows, series
+from closeform.plots.drawing import style
+from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, series
 from closeform.plots.drawing.inputs import picture
-from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
-from closeform.plots.drawing.style import (
-    DASHED,
-    Clock,
-    clock,
-    dress,
-    headline,
-    legend,
-    length,
-    length_unit,
-    plural,
-    sheet,
-    speed,
-    speed_unit,
-    time_axes,
-)
+from closeform.plots.drawing.palette import AFTER, CONFLICT, INK, ZONE
 from closeform.plots.drawing.text import short_names
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 DRAWN = 300  # maximum number of runs that are drawn, besides the worst
-MOST = 24  # maximum number of spacecraft in the cost figure
 CLOSE_UP = 0.012  # of the duration: half the width of the close-up
 
 
@@ -55,15 +40,15 @@ def flight_deviations(
     if tube is not None:
         lasts = float(flight.times[-1] - flight.times[0])
         radius = float(np.max(tube.containment(lasts, craft=flight.states.shape[1])))
-        share = f"; predicted: {100.0 * tube.probability:.3f} % of runs within {length(radius)}"
-    unit = length_unit(max(float(off.max()), radius))
+        share = f"; predicted: {100.0 * tube.probability:.3f} % of runs within {style.length(radius)}"
+    unit = style.length_unit(max(float(off.max()), radius))
     dot = (float(flight.times[step]), off[run, step] / unit.size)
     words = ("each run: largest of all craft", "median", f"largest deviation, run {run}")
     curves = runs(flight, flight.times, off / unit.size, run, words, dot, called[craft])
     if tube is not None:
         flat = np.full(2, radius / unit.size)
-        curves.append(Curve(flight.times[[0, -1]], flat, "tracking-error tube", ZONE, DASHED))
-    most = f"Deviation at most {length(float(off.max()))} in {plural(len(off), 'run')}"
+        curves.append(Curve(flight.times[[0, -1]], flat, "tracking-error tube", ZONE, style.DASHED))
+    most = f"Deviation at most {style.length(float(off.max()))} in {style.plural(len(off), 'run')}"
     panel = Panel(f"deviation from the plan [{unit.name}]", curves)
     start, end = flight.times[[0, -1]].tolist()
     return series(most + share, [panel], clock_of(flight), start, end, height=5.8)
@@ -98,13 +83,13 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     dot = (float(flight.times[step]), float(least[run, step]))
     words = ("each run", "median", f"closest approach, run {run}")
     curves = runs(flight, flight.times, least, run, words, dot, f"{pair}, {dot[1]:.4f} × zone")
-    curves.append(Curve(flight.times, planned, "plan", INK, DASHED, 1.4))
+    curves.append(Curve(flight.times, planned, "plan", INK, style.DASHED, 1.4))
 
     ticks, (start, end) = clock_of(flight), flight.times[[0, -1]].tolist()
-    figure, handles, legends = sheet(8.6), list[Any](), list[str]()
+    figure, handles, legends = style.sheet(8.6), list[Any](), list[str]()
     above, below = figure.subplots(2, 1)
     for axes in (above, below):
-        dress(axes)
+        style.dress(axes)
     near = np.abs(flight.times - dot[0]) <= CLOSE_UP * (end - start)
     near[max(0, step - 2) : step + 3] = True
     close = [
@@ -116,15 +101,15 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     draw(above, Panel("minimum of all pairs [× zone]", curves, 1.0, scale="ratio"), ticks, handles, legends)
     draw(below, Panel("close-up [× zone]", close, 1.0, ""), ticks, [], [])
     below.set_ylim(dot[1] - room, top + room)
-    time_axes([above], ticks, start, end)
-    time_axes([below], Clock(ticks.unit), *flight.times[near][[0, -1]].tolist())
-    legend(figure, handles, legends)
+    style.time_axes([above], ticks, start, end)
+    style.time_axes([below], style.Clock(ticks.unit), *flight.times[near][[0, -1]].tolist())
+    style.legend(figure, handles, legends)
     entered = int(
         (flight.ratios.min(axis=1) < 1.0).sum() if flight.ratios.size else (least.min(axis=1) < 1.0).sum()
     )
-    runs_in = plural(len(least), "run")
+    runs_in = style.plural(len(least), "run")
     found = f"Conflicts in {entered} of {runs_in}" if entered else f"No conflict in {runs_in}"
-    headline(figure, f"{found}; minimum {dot[1]:.4f} × zone simulated, {planned.min():.4f} planned")
+    style.headline(figure, f"{found}; minimum {dot[1]:.4f} × zone simulated, {planned.min():.4f} planned")
     return figure
 
 
@@ -141,42 +126,6 @@ def runs(
     ]
 
 
-def clock_of(flight: Simulation) -> Clock:
+def clock_of(flight: Simulation) -> style.Clock:
     """Return the time axis of a simulation."""
-    return clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
-
-
-@picture()
-def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
-    """Plot the delta-v of each spacecraft in every run: plan, model compensation and feedback.
-
-    Only the spacecraft with the largest delta-v are shown if there are many.
-    """
-    called = short_names(names, flight.states.shape[1])
-    shown = np.sort(np.argsort(-flight.delta_v.max(axis=0), kind="stable")[:MOST])
-    rows, many = np.arange(len(shown))[::-1], len(flight.states) > 1
-    parts = {
-        "plan": (flight.planned_delta_v[None, shown], BEFORE),
-        "model compensation": (flight.field_delta_v[None, shown], ALTERNATIVE),
-        "feedback": (np.asarray(flight.feedback_delta_v)[:, shown], AFTER),
-    }
-    figure = sheet(1.8 + 0.42 * len(shown))
-    panels = figure.subplots(1, 3, sharey=True)
-    for axes, (what, (part, tint)) in zip(panels, parts.items(), strict=True):
-        dress(axes)
-        unit = speed_unit(float(np.abs(part).max()))
-        axes.barh(rows, np.median(part, axis=0) / unit.size, height=0.62, color=tint, alpha=0.8)
-        if len(part) > 1:
-            spread = np.linspace(-0.24, 0.24, len(part))[:, None]
-            axes.plot(part / unit.size, rows + spread, ".", color=tint, markersize=3.0, alpha=0.6)
-        axes.axvline(0.0, color=INK, linewidth=0.8)
-        axes.set_xlabel(f"{what}{', each run' * (len(part) > 1)} [{unit.name}]")
-    name_rows(panels[0], rows, [called[k] for k in shown])
-    total, planned = float(flight.delta_v.sum(axis=1).mean()), float(flight.planned_delta_v.sum())
-    extra = f" ({100.0 * (total / planned - 1.0):+.2g} %)".replace("-", "−") if planned else ""
-    mean = "mean of " if many else ""
-    headline(
-        figure,
-        f"Delta-v {speed(total)}, {mean}{plural(len(flight.states), 'run')}; {speed(planned)} planned{extra}",
-    )
-    return figure
+    return style.clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))

@@ -10,26 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
+from closeform.plots.drawing import style
+from closeform.plots.drawing.charts import Curve, Panel, series
 from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
-from closeform.plots.drawing.style import (
-    DASHED,
-    Clock,
-    Unit,
-    chart,
-    clock,
-    headline,
-    legend,
-    plain_unit,
-    right_axis,
-    time_axes,
-)
-from closeform.plots.drawing.text import NEAR, fonts, label
+from closeform.plots.drawing.text import short_names, word
 from closeform.search.lock_statistics import FINER, TimeHistogram
 from closeform.search.schedule import Search
 from closeform.uncertainty.probability import Probability
@@ -37,8 +26,8 @@ from closeform.uncertainty.probability import Probability
 BINS = 60  # maximum; few cases have twice the root of their number
 CURVE = "#7a2a10"
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
+LETTERS = 90.0  # of a label, over the whole width
 MOST, LONG = 12, 40  # maximum number of lines of a sweep, and characters of a name
-ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and over all bars
 FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
@@ -71,7 +60,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     found = np.sort(given[~np.isnan(given)])
     if not len(found) or not np.isfinite(found).all():
         raise ValueError("values: expected finite numbers, nan where a case has none; got none, or infinity")
-    figure, (axes,) = chart(5.4)
+    figure, (axes,) = style.chart(5.4)
     low, high = float(found[0]), float(found[-1])
     room = 0.02 * (high - low) or 0.01 * max(abs(high), 1.0)
     bins = min(BINS, int(np.ceil(2.0 * np.sqrt(len(found)))))
@@ -81,18 +70,18 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     axes.set_xlabel(what)
     axes.set_ylabel("cases")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    right = right_axis(axes, "cumulative share [%]", AFTER)
+    right = style.right_axis(axes, "cumulative share [%]", AFTER)
     right.ecdf(found, color=AFTER, linewidth=2.2, zorder=4)
     right.set_ylim(0.0, 1.03)
     right.set_yticks(np.linspace(0.0, 1.0, 6), [f"{share}" for share in range(0, 101, 20)])
     middle, most = (float(np.quantile(found, one)) for one in (0.5, end))
     for value in (middle, most):
-        axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)
+        axes.axvline(value, color=INK, linewidth=1.0, linestyle=style.DASHED, zorder=5)
     without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""
     name, _, unit = what.partition(" [")
     marked = f"median {middle:.4g}, {100.0 * end:g} % {most:.4g} {unit.rstrip(']')}"
     said = f"{name} of {len(found)} cases{without}: {marked}"
-    headline(figure, f"{said[0].upper()}{said[1:]}".rstrip())
+    style.headline(figure, f"{said[0].upper()}{said[1:]}".rstrip())
     return figure
 
 
@@ -138,18 +127,18 @@ def histogram(
 def binned(times: TimeHistogram, search: Search | None = None, what: str = "pairs lock") -> Figure:
     """Plot the histogram of times that are already counted."""
     edges = times.bin * np.arange(len(times.counts) + 1)
-    figure, (axes,) = chart(5.8)
+    figure, (axes,) = style.chart(5.8)
     end = float(edges[-1])
     if search is not None:  # up to the end of the phase with the last event
         end = next((end for *_, end in search.phases if end >= times.last), search.duration)
-    unit, noun = plain_unit(end), what.partition(" ")[0]
+    unit, noun = style.plain_unit(end), what.partition(" ")[0]
     axes.set_yscale("log")
     axes.set_ylim(0.7, 6.0 * max(10.0, float(times.counts.max(initial=0))))
     axes.set_xlim(0.0, end / unit.size)
     axes.set_xlabel(f"time [{unit.name}]")
     axes.set_ylabel(f"{noun} [1 per {times.bin:g} s]")
     axes.stairs(times.counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
-    right = right_axis(axes, "cumulative share [%]", CURVE)
+    right = style.right_axis(axes, "cumulative share [%]", CURVE)
     finer = np.minimum(times.bin / FINER * np.arange(len(times.finer) + 1), end) / unit.size
     done = times.at_once + np.concatenate([[0], np.cumsum(times.finer)])
     right.plot(finer, 100.0 * done / max(1, times.every), color=CURVE, linewidth=2.2)
@@ -160,23 +149,21 @@ def binned(times: TimeHistogram, search: Search | None = None, what: str = "pair
     found, verb = times.at_once + times.later, what.partition(" ")[2]
     said = f"{spaced(times.at_once)} of {spaced(times.every)} {noun} {verb} at once (not shown), "
     said += f"{spaced(times.later)} later"
-    headline(figure, said + (f", {spaced(times.every - found)} never" if found < times.every else ""))
+    style.headline(figure, said + (f", {spaced(times.every - found)} never" if found < times.every else ""))
     return figure
 
 
-def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) -> None:
+def phases(axes: Axes, search: Search, unit: style.Unit, counts: Any, until: float) -> None:
     """Draw bands for the phases with their counts where there is room, and the ends of the turns."""
-    points, words = list[tuple[float, float]](), list[str]()
     for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
-        colour = PHASE_COLOURS.get(name, OTHER)
+        colour, text = PHASE_COLOURS.get(name, OTHER), f"{name} {turn}: {spaced(count)}"
         axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
         axes.axvline(end / unit.size, color=OTHER, linewidth=1.2)
-        if start < until:
-            points.append((0.5 * (start + min(end, until)) / unit.size, axes.get_ylim()[1] / 3.0))
-            words.append(f"{name} {turn}: {spaced(count)}")
+        if len(text) < LETTERS * (min(end, until) - start) / until:
+            middle = 0.5 * (start + min(end, until)) / unit.size
+            word(axes, (middle, axes.get_ylim()[1] / 2.0), text)
     for leg in search.legs:
         axes.axvline(leg.end / unit.size, ymax=0.76, color=BEFORE, linewidth=0.7, linestyle=(0, (3, 3)))
-    label(axes, np.array(points), words, spots=NEAR, first=NEAR - 2)
 
 
 def spaced(count: int) -> str:
@@ -195,7 +182,7 @@ def sweep(
 ) -> Figure:
     """Plot the share of cases against a swept value, with a line for each combination of other values.
 
-    Error bars are 95 % confidence intervals; bars at the same value are drawn slightly apart.
+    Bands are 95 % confidence intervals.
 
     Parameters
     ----------
@@ -223,26 +210,22 @@ def sweep(
     for name, part in parts.items():
         if part.shape != (len(called), len(where)) or not np.isfinite(part).all():
             raise ValueError(f"{name}: expected finite numbers of shape (K, P), K names, got {part.shape}")
-    words = [f"#{k}" if None in fonts(name) else name for k, name in enumerate(called[:MOST], 1)]
-    words = [name if len(name) <= LONG else f"{name[: LONG - 1]}…" for name in words]
-    figure, (axes,) = chart(5.4)
+    words = short_names(called[:MOST], len(called[:MOST]), "lines", LONG)
+    figure, (axes,) = style.chart(5.4)
     shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
-    lines, step = [], min(ASIDE, SPREAD / shown.shape[1])
+    lines = []
     for k, tint in enumerate(colours(shown.shape[1])):
         middle, below, above = shown[:, k]
-        bars = np.maximum([middle - below, above - middle], 0.0)
-        aside = ScaledTranslation(step * (k - (shown.shape[1] - 1) / 2), 0.0, figure.dpi_scale_trans)
-        look: dict[str, Any] = {"color": tint, "marker": "o", "linewidth": 1.6, "capsize": 3}
-        lines.append(axes.errorbar(where, middle, bars, transform=axes.transData + aside, **look))
-    axes.update_datalim(np.column_stack([np.tile(where, shown.size // len(where)), shown.ravel()]))
-    axes.autoscale_view()
+        lines += axes.plot(where, middle, "o-", color=tint, linewidth=1.6)
+        axes.fill_between(where, below, above, color=tint, alpha=0.18, linewidth=0.0)
+        axes.vlines(where, below, above, color=tint, linewidth=1.0)
     axes.set_xlabel(what)
     axes.set_ylabel("cases that meet all requirements [%]")
     if any(called):
-        legend(figure, lines, words)
+        style.legend(figure, lines, words)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
     between = f"{least:.3g} to {most:.3g}" if most > least else f"{most:.3g}"
-    headline(figure, f"All requirements are met in {between} % of cases")
+    style.headline(figure, f"All requirements are met in {between} % of cases")
     return figure
 
 
@@ -282,43 +265,32 @@ def collision(
         )
     order = np.argsort(found.rate_times)
     start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
-    ticks = clock(path, start, end) if path is not None else Clock(plain_unit(end - start))
+    ticks = style.clock(path, start, end) if path is not None else style.Clock(style.plain_unit(end - start))
     times, rates = found.rate_times[order], found.rates[order]
     times = np.concatenate([[min(start, times[0])], times, [max(end, times[-1])]])
     rates = np.concatenate([rates[:1], rates, rates[-1:]])
     so_far = np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (rates[1:] + rates[:-1]))])
     so_far = found.at_start + so_far * (found.mean_entries / so_far[-1])
 
-    figure, (above, below) = chart(7.2, [1.0, 1.0])
+    per = "orbit" if ticks.unit.name == "orbits" else ticks.unit.name
     size, power = scaled(float(rates.max()) * ticks.unit.size)
-    rate = rates * ticks.unit.size / size
-    above.fill_between(ticks(times), rate, color=CONFLICT, alpha=0.18, linewidth=0)
-    above.plot(ticks(times), rate, color=CONFLICT, linewidth=2.0)
-    above.set_ylim(0.0, None)
-    above.set_ylabel(f"entries per {'orbit' if ticks.unit.name == 'orbits' else ticks.unit.name}{power}")
+    rate = Curve(times, rates * ticks.unit.size / size, colour=CONFLICT)
     most = max(so_far[-1], found.high)
-    size, power = scaled(most)
-    (line,) = below.plot(ticks(times), so_far / size, color=AFTER, linewidth=2.4)
-    apart = np.maximum([[found.value - found.low], [found.high - found.value]], 0.0) / size
-    look: dict[str, Any] = {"fmt": "D", "color": ALTERNATIVE, "markersize": 8, "capsize": 5, "zorder": 5}
-    mark = below.errorbar([ticks(end)], [found.value / size], apart, clip_on=False, **look)
-    handles: list[Any] = [line, mark]
-    words = [
-        "inside at the start, and entries so far",
-        f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})",
+    size, chance = scaled(most)
+    ever = f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})"
+    span: dict[str, Any] = {"colour": ALTERNATIVE, "width": 5.0, "dot": (end, found.value / size)}
+    curves = [
+        Curve(times, so_far / size, "inside at the start, and entries so far"),
+        Curve(np.full(2, end), np.array([found.low, found.high]) / size, ever, **span),
     ]
-    if limit is not None:
-        handles.append(below.axhline(limit / size, color=INK, linestyle=DASHED, linewidth=1.4))
-        words.append(f"required: at most {limit:g}")
-        most = max(most, limit) if limit < FAR * most else most
-    below.set_ylim(0.0, 1.12 * most / size)
-    below.set_ylabel(f"probability{power}")
-    time_axes([above, below], ticks, start, end)
-    legend(figure, handles, words)
+    if limit is not None and limit < FAR * most:
+        flat = np.full(2, limit / size)
+        curves.append(Curve(times[[0, -1]], flat, f"required: at most {limit:g}", INK, style.DASHED, 1.4))
+    panels = [Panel(f"entries per {per}{power}", [rate]), Panel(f"probability{chance}", curves)]
     highest = ticks.text(float(times[np.argmax(rates)]))
     lead = f"{what}: p" if what else "P"
-    headline(figure, f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}")
-    return figure
+    said = f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}"
+    return series(said, panels, ticks, start, end, height=7.2)
 
 
 def scaled(greatest: float) -> tuple[float, str]:

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
@@ -21,42 +20,25 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
+from closeform.plots.drawing import style
 from closeform.plots.drawing.charts import DASHES, Curve, Panel, name_rows, series
 from closeform.plots.drawing.inputs import crafts, picture, texts
 from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
     BEFORE,
-    CONFLICT,
     DIRECTIONS,
     FAINT,
     INK,
     OTHER,
     colours,
 )
-from closeform.plots.drawing.style import (
-    DASHED,
-    DOTTED,
-    Clock,
-    chart,
-    clock,
-    headline,
-    instants,
-    legend,
-    length_unit,
-    plural,
-    right_axis,
-    speed,
-    speed_unit,
-    thrust_unit,
-    time_axes,
-)
 from closeform.plots.drawing.text import NEAR, SMALL, label, short_names, word
 
 FEW = 12  # maximum number of spacecraft in the legend
 FAR = 3.0  # times the maximum: a limit above that would flatten all curves
 ROUNDING = 1e-9  # of a limit
-LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # last path first
+LINES = ((AFTER, "-"), (BEFORE, style.DASHED), (ALTERNATIVE, style.DOTTED))  # last path first
 NARROWEST = 1.0 / 400.0  # of the time axis: minimum width of a burn
 LABELLED = 8  # maximum number of larger burns in a row with labels
 SMALLEST = 0.1  # of the largest burn: smaller burns have no label
@@ -92,26 +74,26 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         raise ValueError(f"paths: from one to {len(LINES)}, got {len(single_paths)}")
     labels = texts("labels", labels, len(single_paths), "paths")
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
-    ticks = clock(single_paths[0], start, end)
+    ticks = style.clock(single_paths[0], start, end)
     force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
-    unit = thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
+    unit = style.thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
     greatest = max(
         (float(np.linalg.norm(jump)) for path in single_paths for _, jump in path.impulses), default=0.0
     )
 
-    spent = speed_unit(max(path.delta_v for path in single_paths))
+    spent = style.speed_unit(max(path.delta_v for path in single_paths))
     names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
     curves: list[list[Curve]] = [[] for _ in names]
     looks = LINES[len(single_paths) - 1 :: -1]
     for path, (colour, dashes), name in zip(single_paths, looks, labels, strict=True):
-        times = instants(path.start, path.end, path)
+        times = style.instants(path.start, path.end, path)
         push = force * path.thrust(times) / unit.size
         energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
         words = f"{name}: Δv {spent.text(path.delta_v)}{energy}"
         for own, values in zip(curves, [np.linalg.norm(push, axis=1), *push.T], strict=True):
             own.append(Curve(times, values, "" if own is not curves[0] else words, colour, dashes, 2.2))
     panels = [Panel(f"{name} [{unit.name}]", own) for (name, _), own in zip(names, curves, strict=True)]
-    costs = [f"{name} {speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
+    costs = [f"{name} {style.speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
     figure = series(f"Delta-v: {', '.join(costs)}", panels, ticks, start, end, height=9.0)
     for axes, (_, colour) in zip(figure.axes, names, strict=True):
         axes.yaxis.label.set(fontsize=SMALL, color=colour)
@@ -127,11 +109,11 @@ def level(axes: Axes, top: float, positive: bool) -> None:
     axes.set_ylim(0 if positive else -top, top)
 
 
-def stems(panels: list[Axes], single_paths: list[Path], ticks: Clock, greatest: float) -> None:
+def stems(panels: list[Axes], single_paths: list[Path], ticks: style.Clock, greatest: float) -> None:
     """Draw impulses on a right axis whose zero coincides with that of the thrust."""
-    unit = speed_unit(greatest)
+    unit = style.speed_unit(greatest)
     for row, axes in enumerate(panels):
-        right = right_axis(axes, f"impulse [{unit.name}]", INK)
+        right = style.right_axis(axes, f"impulse [{unit.name}]", INK)
         level(right, 1.15 * greatest / unit.size, row == 0)
         for path, (colour, dashes) in zip(single_paths, LINES[len(single_paths) - 1 :: -1], strict=True):
             for time, jump in path.impulses:
@@ -158,8 +140,7 @@ def formation_thrust(
     Parameters
     ----------
     limits : array_like of shape (N,) [m/s^2], optional
-        Maximum thrust accelerations; nan or inf for no limit. If they differ, a second panel shows the share
-        of its own limit that each spacecraft uses.
+        Maximum thrust accelerations, drawn as dashed lines; nan or inf for no limit.
     masses : array_like of shape (N,) [kg], optional
         Masses of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
     on_off : array_like of bool of shape () or (N,), default False
@@ -179,63 +160,38 @@ def formation_thrust(
     pulsed = np.broadcast_to(pulsed, count)
     peaks, most = np.array([path.peak_thrust for path in single_paths]) * kilograms, most * kilograms
     known, basic = np.isfinite(most), "m/s²" if masses is None else "N"
-    unit = thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
+    unit = style.thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
 
-    tints, few = colours(count), 1 < count <= FEW
-    pushes, shares = list[Curve](), list[Curve]()
+    tints, few, curves = colours(count), 1 < count <= FEW, list[Curve]()
     for k, path in enumerate(single_paths):
-        times = instants(path.start, path.end, path)
-        push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k]
-        look: dict[str, Any] = {"colour": tints[k], "width": 2.0 if count <= FEW else 1.0}
-        look["dashes"] = DASHES[1 + (k - 1) % 3 if k else 0]  # a curve on top of an equal one shows both
-        pushes.append(Curve(times, push / unit.size, called[k] if few else "", **look))
-        if known[k]:
-            shares.append(Curve(times, 100.0 * push / most[k], **look))
-    panels = [Panel(f"{'planned ' if pulsed.any() else ''}thrust [{unit.name}]", pushes)]
+        times = style.instants(path.start, path.end, path)
+        push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k] / unit.size
+        dashes = DASHES[1 + (k - 1) % 3 if k else 0]  # a curve on top of an equal one shows both
+        curves.append(Curve(times, push, called[k] if few else "", tints[k], dashes, 2.0 if few else 1.0))
     limit = most[known].max(initial=0.0)
-    unlike = bool(known.any()) and limit > (1.0 + ROUNDING) * most[known].min() > 0.0
-    if unlike:
-        panels.append(Panel("share of own limit [%]", shares))
-    figure = series(
-        thrust_verdict(called, peaks, most, pulsed, basic),
-        panels,
-        clock(single_paths[0], start, end),
-        start,
-        end,
-    )
-    if unlike:
-        limited(figure.axes[1], 100.0, "thrust of one thruster" if pulsed[known].all() else "limit of each")
-    elif known.any():
-        own = thrust_unit(limit, basic).text(limit)
-        limited(
-            figure.axes[0],
-            limit / unit.size,
-            f"{'thrust of one thruster' if pulsed.any() else 'limit'} {own}",
-        )
+    panel = Panel(f"{'planned ' if pulsed.any() else ''}thrust [{unit.name}]", curves)
+    said, ticks = thrust_verdict(called, peaks, most, pulsed, basic), style.clock(single_paths[0], start, end)
+    figure = series(said, [panel], ticks, start, end)
+    if known.any():
+        what = "thrust of one thruster" if pulsed[known].all() else "limit"
+        limited(figure.axes[0], most / unit.size, tints, what, style.thrust_unit(limit, basic).text(limit))
     return figure
 
 
-def limited(axes: Axes, limit: float, words: str) -> None:
-    """Draw a dashed line at a limit; only mention a limit far above all curves."""
-    top = axes.get_ylim()[1] / 1.08
-    near = limit <= FAR * top
+def limited(axes: Axes, limits: Floats, tints: Any, what: str, highest: str) -> None:
+    """Draw dashed lines at limits (N,), nan or inf for none; only mention limits far above all curves."""
+    top, known = axes.get_ylim()[1] / 1.08, limits[np.isfinite(limits)]
+    alike = np.ptp(known) <= ROUNDING * known.max()
+    words = f"{what} {highest}" if alike else f"dashed: {what} of each, up to {highest}"
+    near = known.min() <= FAR * top
     if near:
-        axes.set_ylim(0.0, 1.15 * max(top, limit))
-        axes.axhline(limit, color=INK, linewidth=1.2, linestyle=DASHED)
-    place: dict[str, Any] = {
-        "xycoords": axes.get_yaxis_transform() if near else "axes fraction",
-        "ha": "right",
-    }
-    said = words if near else f"{words}, far above"
-    word(
-        axes,
-        (0.995, limit if near else 1.0),
-        said,
-        shift=(0, 3 if near else -4),
-        va="bottom" if near else "top",
-        **place,
-    )
+        axes.set_ylim(0.0, 1.15 * max(top, known[known <= FAR * top].max()))
+        for limit, tint in zip(limits, tints, strict=True):
+            if limit <= FAR * top:
+                axes.axhline(limit, color=INK if alike else tint, linewidth=1.2, linestyle=style.DASHED)
+    place: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "va": "top", "shift": (0, -4)}
+    word(axes, (0.995, 1.0), words if near else f"{words}, far above", **place)
 
 
 def thrust_verdict(called: list[str], peaks: Floats, limits: Floats, pulsed: Any, basic: str) -> str:
@@ -243,9 +199,9 @@ def thrust_verdict(called: list[str], peaks: Floats, limits: Floats, pulsed: Any
     k = int(peaks.argmax())
     if not peaks[k] > 0.0:
         return "No spacecraft thrusts"
-    most = thrust_unit(peaks[k], basic).text(peaks[k])
+    most = style.thrust_unit(peaks[k], basic).text(peaks[k])
     if pulsed[k] and np.isfinite(limits[k]):
-        own = thrust_unit(limits[k], basic).text(limits[k])
+        own = style.thrust_unit(limits[k], basic).text(limits[k])
         return f"{called[k]} has the largest planned thrust, {most}; its thrusters have {own} each, on or off"
     said = f"{called[k]} has the largest thrust: {most}"
     if not np.isfinite(limits).any():
@@ -286,18 +242,18 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     else:
         every = [burns_of(path).significant for path in single_paths]
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
-    ticks, room = clock(single_paths[0], start, end), 0.015 * (end - start)
-    figure, (axes,) = chart(2.4 + 0.55 * count if count > 1 else 3.6)
-    time_axes([axes], ticks, start - room, end + room)
+    ticks, room = style.clock(single_paths[0], start, end), 0.015 * (end - start)
+    figure, (axes,) = style.chart(2.4 + 0.55 * count if count > 1 else 3.6)
+    style.time_axes([axes], ticks, start - room, end + room)
     burn_rows(axes, ticks, every, called, colours(count) if count > 1 else [AFTER], end - start)
     axes.set_ylabel("bar height: delta-v", fontsize=SMALL)
-    headline(figure, burns_story(called, every, firing))
+    style.headline(figure, burns_story(called, every, firing))
     return figure
 
 
 def burn_rows(
     axes: Axes,
-    ticks: Clock,
+    ticks: style.Clock,
     every: Sequence[Burns],
     called: list[str],
     tints: Any,
@@ -309,7 +265,7 @@ def burn_rows(
     If `names`, the larger burns have labels where there is room. `span` is the length of the time axis [s].
     """
     count, greatest = len(every), max(float(one.size.max(initial=0.0)) for one in every)
-    unit, points, words = speed_unit(greatest), list[Floats](), list[str]()
+    unit, points, words = style.speed_unit(greatest), list[Floats](), list[str]()
     levels = np.arange(count)[::-1]
     axes.set_ylim(-0.15, float(count))
     axes.grid(axis="y", visible=False)
@@ -338,12 +294,12 @@ def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFirin
     k, count = int(np.argmax(spent)), sum(len(one.size) for one in every)
     if not count:
         return "No spacecraft burns"
-    said = f"{plural(count, 'burn' if firing is None else 'pulse')}, {speed(sum(spent))}"
+    said = f"{style.plural(count, 'burn' if firing is None else 'pulse')}, {style.speed(sum(spent))}"
     if firing is not None:
-        said += f" fired for {speed(float(np.sum(firing.planned.delta_v)))} planned"
+        said += f" fired for {style.speed(float(np.sum(firing.planned.delta_v)))} planned"
     if len(every) == 1:
-        return f"{called[0]}: {said}; the largest is {speed(float(every[0].size.max()))}"
-    return f"{said} in total; {called[k]} has the largest delta-v, {speed(spent[k])}"
+        return f"{called[0]}: {said}; the largest is {style.speed(float(every[0].size.max()))}"
+    return f"{said} in total; {called[k]} has the largest delta-v, {style.speed(spent[k])}"
 
 
 @picture("there is no such spacecraft")
@@ -352,8 +308,7 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
 
     Each pulse is a bar with its duration as width and its delta-v as height. The shaded area is the planned
     thrust multiplied by the period, which is the delta-v of one cycle. Two opposite thrusters share a panel,
-    with the second one downwards. Thrusters along no axis are labelled by number, from 1. Rings mark planned
-    impulses, and omitted pulses are marked at their time.
+    with the second one downwards. Thrusters along no axis are labelled by number, from 1.
 
     Parameters
     ----------
@@ -370,96 +325,46 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
     plan = firing.planned[craft] if firing.planned.shape else firing.planned
     thrusters = firing.thrusters[craft]
     fired = firing.pulses[firing.pulses.craft == craft]
-    dropped = firing.dropped[firing.dropped.craft == craft]
     times, wanted = planned_per_period(plan, thrusters)
-    rows = thruster_rows(thrusters, fired, dropped, wanted)
-    greatest = float(max(fired.impulse.max(initial=0.0), wanted.max(initial=0.0)))
-    unit, ticks = speed_unit(greatest or 1.0), clock(plan, plan.start, plan.end)
-    figure, panels = chart(2.3 + 1.9 * len(rows), [1.0] * len(rows))
-    for axes, (one, other) in zip(panels, rows, strict=True):
-        name_of_row, colour = row_name(thrusters, one, other)
-        axes.set_ylabel(f"{name_of_row} [{unit.name}]", fontsize=SMALL, color=colour)
-        reach = [0.0, 0.0]
-        for side, (thruster, sign) in enumerate(((one, 1.0), (other, -1.0))):
-            if thruster < 0:
-                continue
-            own, lost = fired[fired.thruster == thruster], dropped[dropped.thruster == thruster]
-            asked, bit = wanted[:, thruster], float(thrusters.minimum_bit[thruster])
-            area = sign * asked / unit.size
+    rows = thruster_rows(thrusters, fired, wanted)
+    unit, ticks = (
+        style.speed_unit(float(max(fired.impulse.max(initial=0.0), wanted.max()))),
+        style.clock(plan, plan.start, plan.end),
+    )
+    figure, panels = style.chart(2.3 + 1.9 * len(rows), [1.0] * len(rows))
+    for axes, row in zip(panels, rows, strict=True):
+        label_of_row, colour = row_name(thrusters, row)
+        axes.set_ylabel(f"{label_of_row} [{unit.name}]", fontsize=SMALL, color=colour)
+        for thruster, sign in zip(row, (1.0, -1.0), strict=False):
+            own, area = fired[fired.thruster == thruster], sign * wanted[:, thruster] / unit.size
             axes.fill_between(ticks(times), 0.0, area, color=OTHER, alpha=0.45, linewidth=0)
-            bars(axes, own, sign / unit.size, ticks, colour)
-            for start, lasts, size in zip(lost.start, lost.duration, lost.impulse, strict=True):
-                height = sign * size / unit.size
-                look: dict[str, Any] = {"color": CONFLICT, "alpha": 0.5}
-                axes.fill_between(ticks([start, start + lasts]), 0.0, height, linewidth=1.5, **look)
-            for time, jump in plan.impulses:
-                size = float(thrusters.directions_at(plan.orbit, time)[thruster] @ jump) / unit.size
-                if size > 0.0:
-                    axes.plot(
-                        ticks(time),
-                        sign * size,
-                        "o",
-                        markersize=8,
-                        markerfacecolor="none",
-                        color=INK,
-                        clip_on=False,
-                    )
-            used = len(own) + len(lost) > 0
-            if bit > 0.0 and used:
-                axes.axhline(sign * bit / unit.size, color=INK, linewidth=0.9, linestyle=DASHED)
-            every = asked.max(), own.impulse.max(initial=0.0), lost.impulse.max(initial=0.0)
-            reach[side] = max(*every, bit * used)
+            look: dict[str, Any] = {"align": "edge", "color": colour, "alpha": 0.9}
+            look["linewidth"] = 0.9 if len(own) < 150 else 0.5  # the edge keeps a short pulse visible
+            axes.bar(ticks(own.start), sign * own.impulse / unit.size, ticks(own.duration), **look)
         axes.axhline(0.0, color=INK, linewidth=0.8)
-        least = 0.12 * max(reach) or 1e-3 * (greatest or unit.size)
-        low = max(reach[1], least) if other >= 0 else 0.0
-        axes.set_ylim(-1.12 * low / unit.size, 1.12 * max(reach[0], least) / unit.size)
-    time_axes(panels, ticks, plan.start, plan.end)
-    marks: list[tuple[Any, str, bool]] = [
-        (Patch(color=INK, alpha=0.6), "pulse: height is its delta-v, width its duration", True),
-        (
-            Patch(color=OTHER, alpha=0.45),
-            f"planned thrust × period of {thrusters.period:g} s" if thrusters.period else "",
-            plan.peak_thrust > 0.0,
-        ),
-        (
-            Line2D([], [], color=INK, linewidth=0.9, linestyle=DASHED),
-            "minimum impulse bit",
-            bool(thrusters.minimum_bit.any()),
-        ),
-        (Patch(color=CONFLICT, alpha=0.5), "omitted pulse", len(dropped) > 0),
-        (
-            Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color=INK),
-            "planned impulse along the thruster",
-            len(plan.impulses) > 0,
-        ),
-    ]
-    kept = [(handle, words) for handle, words, shown_ in marks if shown_ and words]
-    legend(figure, [handle for handle, _ in kept], [words for _, words in kept], ncols=2)
-    headline(figure, pulses_story(firing, craft, fired, dropped, name))
+        axes.margins(y=0.12)
+    style.time_axes(panels, ticks, plan.start, plan.end)
+    handles, words = [Patch(color=INK, alpha=0.6)], ["pulse: height is its delta-v, width its duration"]
+    if plan.peak_thrust > 0.0 and thrusters.period:
+        handles.append(Patch(color=OTHER, alpha=0.45))
+        words.append(f"planned thrust × period of {thrusters.period:g} s")
+    style.legend(figure, handles, words)
+    style.headline(figure, pulses_story(firing, craft, fired, name))
     return figure
 
 
-def thruster_rows(
-    thrusters: Thrusters, fired: Pulses, dropped: Pulses, wanted: Floats
-) -> list[tuple[int, int]]:
-    """Return the used thrusters, each with its opposite thruster or -1; at most MOST, by delta-v."""
-    sums = np.abs(thrusters.directions[:, None] + thrusters.directions).max(axis=2) < OPPOSITE
-    found: list[tuple[int, int]] = []
-    for one, against in enumerate(sums):
-        other = int(against.argmax()) if against.any() else -1
-        if other < 0 or one < other:
-            found.append((one, other))
-    given = np.bincount(fired.thruster, fired.impulse, len(thrusters) + 1)
-    asked = np.append(wanted.max(axis=0, initial=0.0), 0.0)
-    asked += given + np.bincount(dropped.thruster, dropped.impulse, len(thrusters) + 1)
-    used = [row for row in found if max(asked[list(row)]) > IDLE * asked.max()]
-    most = sorted(used or found, key=lambda row: -given[row[0]] - given[row[1]])[:MOST]
-    return sorted(most)
+def thruster_rows(thrusters: Thrusters, fired: Pulses, wanted: Floats) -> list[tuple[int, ...]]:
+    """Return the used thrusters, each with its opposite one if there is one; at most MOST."""
+    opposite = np.abs(thrusters.directions[:, None] + thrusters.directions).max(axis=2) < OPPOSITE
+    found = sorted({tuple(sorted((k, *np.flatnonzero(row)[:1].tolist()))) for k, row in enumerate(opposite)})
+    given = np.bincount(fired.thruster, fired.impulse, len(thrusters)) + wanted.max(axis=0, initial=0.0)
+    used = [row for row in found if given[list(row)].max() > IDLE * given.max()] or found
+    return sorted(sorted(used, key=lambda row: -given[list(row)].sum())[:MOST])
 
 
 def planned_per_period(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats]:
     """Return the planned delta-v of each thruster per period: times (K,) [s] and delta-v (K, m) [m/s]."""
-    times = instants(plan.start, plan.end, plan)
+    times = style.instants(plan.start, plan.end, plan)
     wanted = np.zeros((len(times), len(thrusters)))
     peak = plan.peak_thrust
     if thrusters.period is not None and peak > 0.0:
@@ -473,36 +378,27 @@ def planned_per_period(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats
     return times, wanted
 
 
-def row_name(thrusters: Thrusters, one: int, other: int) -> tuple[str, str]:
+def row_name(thrusters: Thrusters, row: tuple[int, ...]) -> tuple[str, str]:
     """Return the label and the colour of a panel."""
-    axis = int(np.abs(thrusters.directions[one]).argmax())
-    if thrusters.directions[one, axis] > 1.0 - OPPOSITE:
+    axis = int(np.abs(thrusters.directions[row[0]]).argmax())
+    if thrusters.directions[row[0], axis] > 1.0 - OPPOSITE:
         direction = DIRECTIONS[axis]
         return direction.name if thrusters.frame == "orbit" else f"inertial {'xyz'[axis]}", direction.colour
-    return f"thruster {one + 1}" if other < 0 else f"{one + 1} up, {other + 1} down", AFTER
+    return f"thruster {row[0] + 1}" if len(row) < 2 else f"{row[0] + 1} up, {row[1] + 1} down", AFTER
 
 
-def bars(axes: Axes, own: Pulses, scale: float, ticks: Clock, colour: str) -> None:
-    """Draw pulses as bars as wide as their durations, with a line in each to keep short ones visible."""
-    height = scale * own.impulse
-    begin, over = ticks(own.start), ticks(own.start + own.duration)
-    axes.bar(begin, height, over - begin, align="edge", color=colour, linewidth=0, alpha=0.9)
-    middle = 0.5 * (begin + over)
-    lines = np.stack([np.column_stack([middle, 0.0 * height]), np.column_stack([middle, height])], axis=1)
-    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.9 if len(own) < 150 else 0.5))
-
-
-def pulses_story(firing: ThrusterFiring, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
+def pulses_story(firing: ThrusterFiring, craft: int, fired: Pulses, name: str | None) -> str:
     """Return the headline: number of pulses, delta-v, propellant and deviation from the plan."""
+    dropped = firing.dropped[firing.dropped.craft == craft]
     lead = f"{f'Craft {craft}' if name is None else name}: " if len(firing.thrusters) > 1 or name else ""
     if not len(fired):
         return f"{lead}no pulses"
     off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
-    unit, burned = length_unit(bound), fired.propellant.sum()
+    unit, burned = style.length_unit(bound), fired.propellant.sum()
     planned = float(np.ravel(firing.planned.delta_v)[craft])
-    given = speed(fired.impulse.sum())
-    words = f"{lead}{plural(len(fired), 'pulse')}, {given} fired for {speed(planned)} planned"
+    given = style.speed(fired.impulse.sum())
+    words = f"{lead}{style.plural(len(fired), 'pulse')}, {given} fired for {style.speed(planned)} planned"
     if np.isfinite(burned):
         words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"
     words += f"; {unit.text(off, 3)} from the plan, at most {unit.text(bound, 3)}"
-    return words + (f"; {speed(dropped.impulse.sum())} omitted" if len(dropped) else "")
+    return words + (f"; {style.speed(dropped.impulse.sum())} omitted" if len(dropped) else "")

@@ -53,7 +53,7 @@ class Column:
         """Return a cell as text; a string is returned unchanged."""
         if isinstance(cell, str):
             return cell
-        if cell is None or (isinstance(cell, float) and isnan(cell)):
+        if missing(cell):
             return self.absent
         if self.parts:
             return self.form(*cell)
@@ -75,9 +75,23 @@ class Table:
     idle: str = ""
 
     @property
+    def places(self) -> list[int]:
+        """Indices of the columns that are shown.
+
+        A column without a heading is not shown, nor is one without a value in any row, unless its `absent`
+        says what that means.
+        """
+        found = []
+        for k, column in enumerate(self.columns):
+            known = any(not missing(row[k]) for row in self.rows) or column.absent not in ("-", "")
+            if column.heading is not None and (known or not self.rows):
+                found.append(k)
+        return found
+
+    @property
     def shown(self) -> tuple[Column, ...]:
         """The columns that are shown."""
-        return tuple(column for column in self.columns if column.heading is not None)
+        return tuple(self.columns[k] for k in self.places)
 
     @property
     def texts(self) -> list[list[str]]:
@@ -89,7 +103,7 @@ class Table:
     @property
     def cells(self) -> list[list[Any]]:
         """The values of the shown cells, row by row."""
-        places = [k for k, column in enumerate(self.columns) if column.heading is not None]
+        places = self.places
         cells = [[row[k] for k in places] for row in self.rows]
         kept = [row for row in cells if any(isinstance(cell, int | float) and cell for cell in row[1:])]
         total = [row for row in kept if row[0] == TOTAL]
@@ -115,6 +129,11 @@ class Table:
             if column.key is not None and not column.parts:
                 found[column.key] = cells
         return found
+
+
+def missing(cell: Any) -> bool:
+    """Return True for a cell without a value."""
+    return cell is None or (isinstance(cell, float) and isnan(cell))
 
 
 def some_of(names: Sequence[str]) -> str:
@@ -157,6 +176,7 @@ class Section:
     """Section on a stage: `lines`, the `tables` that are shown, `closing` lines and `pictures`.
 
     `figures` go into `summary.json`; the rows of `files` are appended to the Parquet file of that name.
+    `listing` is a text that the page shows as it is.
     """
 
     title: str
@@ -166,6 +186,7 @@ class Section:
     pictures: tuple[Picture, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, Table] = field(default_factory=dict)
+    listing: str = ""
 
 
 def plan_of(result: StageResult[Any, Any]) -> "Plan | None":

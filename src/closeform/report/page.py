@@ -110,6 +110,8 @@ def content(section: Section, pictures: Iterable[Shot]) -> Iterator[str]:
     """Yield the HTML of a section and its pictures; folded tables come last."""
     yield f"<h2>{letters(section.title)}</h2>"
     yield from map(paragraph, section.lines)
+    if section.listing:
+        yield f'<pre tabindex="0">{escape(section.listing)}</pre>'
     for one in section.tables:
         if not one.folded:
             yield (f"<h3>{escape(one.title)}</h3>" if one.title else "") + table(one)

@@ -3,7 +3,7 @@
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from closeform.plots.drawing.moving import Reel
     from closeform.storage.result_folder import Folder
 
 Progress = Callable[[str], None]
@@ -60,19 +59,19 @@ class Picture:
     executed: bool = True  # if False, its title begins with "Not executed"
 
     @property
-    def made(self) -> Any:
-        """The figure, or the `Reel` of an animation."""
+    def function(self) -> Callable[..., Any]:
+        """The function that draws the picture."""
         from closeform import plots
 
         home, _, name = self.plot.rpartition(".")
-        drawn = import_module(f"closeform.plots.{home}") if home else plots
-        return getattr(drawn, name)(*self.arguments, **self.options)
+        made: Callable[..., Any] = getattr(import_module(f"closeform.plots.{home}") if home else plots, name)
+        return made
 
     def draw(self, folder: "Folder") -> Shot:
         """Draw the picture into a folder and return it."""
         from closeform.plots.drawing.style import banner, headline
 
-        figure = self.made
+        figure = self.function(*self.arguments, **self.options)
         says = figure.get_suptitle().replace("\n", " ")
         if not self.executed and says:
             says = f"Not executed: {says}"
@@ -84,25 +83,15 @@ class Picture:
 
 @dataclass(frozen=True)
 class Film(Picture):
-    """Animation of up to `most` spacecraft; its function returns the `Reel` to be drawn."""
+    """Animation of up to `most` spacecraft; its function writes the GIF."""
 
     most: int = 400  # drawn in about 15 s
 
-    def frames(
-        self, first: int = 0, step: int = 1, progress: Callable[[int, int], object] | None = None
-    ) -> list[Any]:
-        """Draw every `step`-th frame from the `first` one; `progress` gets the numbers done and in all."""
-        reel: Reel = self.made
-        return reel.frames(slice(first, None, step), progress)
-
-    def save(self, folder: "Folder", shares: Sequence[list[Any]]) -> Shot:
-        """Save the animation from shares of its frames."""
-        reel: Reel = self.made
-        frames: list[Any] = [None] * len(reel.moments)
-        for first, share in enumerate(shares):
-            frames[first :: len(shares)] = share
+    def draw(self, folder: "Folder") -> Shot:
+        """Write the animation into a folder and return it."""
         file = folder.path / f"{self.name}.gif"
-        reel.save(file, frames)
+        first, *rest = self.arguments
+        self.function(first, file, *rest, **self.options)
         return Shot(file, self.caption, "")
 
 
@@ -126,58 +115,27 @@ def begin(ahead: tuple[str, ...] = AHEAD) -> None:
 
 
 def drawn(pictures: Sequence[Picture], folder: "Folder", progress: Progress) -> list[Shot]:
-    """Draw all pictures as files in a folder, in processes if `begin` was called, or else in this one.
-
-    The frames of an animation are shared among the processes.
-    """
+    """Draw all pictures as files in a folder, in processes if `begin` was called, or else in this one."""
     if _begun and pictures:
         # Ctrl-C ends this process, which then ends the others
         ignored = signal.SIGINT, signal.SIG_IGN
         context, count = get_context("forkserver"), min(os.cpu_count() or 1, MOST)
-        pool = ProcessPoolExecutor(count, context, signal.signal, ignored)
-        with suppress(BrokenProcessPool), pool:  # a process was killed: this one draws everything
-            return drawn_by(pool, pictures, folder, progress)
-
-    def filmed(done: int, count: int) -> None:
-        progress(f"animation: picture {done} of {count}")
-
+        with (
+            suppress(BrokenProcessPool),  # a process was killed: this one draws everything
+            ProcessPoolExecutor(count, context, signal.signal, ignored) as pool,
+        ):
+            order = sorted(pictures, key=lambda one: not isinstance(one, Film))  # animations take longest
+            futures = {one.name: pool.submit(one.draw, folder) for one in order}
+            try:
+                for number, future in enumerate(as_completed(futures.values()), 1):
+                    future.result()
+                    progress(f"picture {number} of {len(futures)}")
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+            return [futures[one.name].result() for one in pictures]
     shots = []
     for number, one in enumerate(pictures, 1):
         progress(f"picture {number} of {len(pictures)}: {one.name}")
-        if isinstance(one, Film):
-            shots.append(one.save(folder, [one.frames(progress=filmed)]))
-        else:
-            shots.append(one.draw(folder))
+        shots.append(one.draw(folder))
     return shots
-
-
-def drawn_by(
-    pool: ProcessPoolExecutor, pictures: Sequence[Picture], folder: "Folder", progress: Progress
-) -> list[Shot]:
-    """Draw all pictures in the processes of a pool, animations first."""
-    asked: dict[Future[Any], str] = {}
-
-    def ask(name: str, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        future = pool.submit(work, *arguments)
-        asked[future] = name
-        return future
-
-    shares = {
-        one.name: [ask(one.name, one.frames, first, MOST) for first in range(MOST)]
-        for one in pictures
-        if isinstance(one, Film)
-    }
-    single = {one.name: ask(one.name, one.draw, folder) for one in pictures if one.name not in shares}
-    try:
-        for number, future in enumerate(as_completed(asked), 1):
-            future.result()
-            progress(f"picture {number} of {len(asked)}: {asked[future]}")
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-    return [
-        one.save(folder, [share.result() for share in shares[one.name]])
-        if isinstance(one, Film)
-        else single[one.name].result()
-        for one in pictures
-    ]

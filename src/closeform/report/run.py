@@ -1,9 +1,8 @@
 """Report of a run: the request, the outcome, and one section per stage."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, takewhile
 from math import degrees, hypot, inf, pi
 from pathlib import Path
 from textwrap import shorten
@@ -19,7 +18,6 @@ from closeform.mission.simulation_verdict import asked_of
 from closeform.mission.verdict import Verdict, conflicts_of
 from closeform.report import page
 from closeform.report.description import (
-    MOST_ROWS,
     PAIR,
     Column,
     Section,
@@ -49,27 +47,17 @@ from closeform.scenario import (
     StageTable,
     Transfer,
 )
-from closeform.scenario.load import toml
 from closeform.storage import arc_tables
 from closeform.storage.result_folder import Folder
 
 if TYPE_CHECKING:
     from closeform.report.simulation import SimulationContent
 
-OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are shown separately
-COLUMNS_OF_STAGES = {"do", "name"}  # keys of a stage that have their own columns
 DRAWN = {  # words for a case of a study, by its `draws`
     "vary": "its states are drawn",
     "errors": "executed as planned, with errors drawn",
     "replanned": "each stage planned from the state that errors cause, drawn",
 }
-FIELDS = Column("key", "table", words=True), Column("value in the file", "words", words=True)
-REQUESTED = (
-    Column("stage", "number"),
-    Column("do", "do", words=True),
-    Column("name", "name", words=True, absent=""),
-    Column("keys in the file", "words", words=True),
-)
 REQUIREMENTS = (
     Column("requirement", "asked", words=True),
     Column("result", "found", words=True),
@@ -106,61 +94,12 @@ THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
 
 def request(scenario: Scenario) -> Section:
-    """Return the section on what the scenario requests, opened by the file's first comment.
-
-    Consecutive spacecraft with equal values share a row.
-    """
-    file, names = toml(scenario.text, "scenario"), scenario.names
-    comment = takewhile(lambda line: line.startswith("#"), scenario.text.removeprefix("\ufeff").splitlines())
-    opening = " ".join(filter(None, (line.lstrip("#").strip() for line in comment)))
-    lines = [opening] if opening else []
+    """Return the section on what is requested: the scenario file."""
+    lines: tuple[str, ...] = ()
     if scenario.case is not None and scenario.study is not None:
         how = DRAWN[scenario.study.draws]
-        lines.append(f"This is case {scenario.case} of the study: {how} with seed {scenario.study.seed}")
-    keys = [key for key in file["craft"] if key != "name"]
-    each = [file["craft"][key] for key in keys]
-    values = [
-        tuple(in_words(one[k] if isinstance(one, list) else one) for one in each) for k in range(len(names))
-    ]
-    craft = []
-    for row, some in groupby(range(len(names)), key=values.__getitem__):
-        alike = [names[k] for k in some]
-        span = f"{alike[0]} to {alike[-1]} ({len(alike)} craft)" if len(alike) > 2 else ", ".join(alike)
-        craft.append((span, *row))
-    columns = Column("craft", words=True), *(Column(plain(key), words=True) for key in keys)
-    stages = []
-    for number, (stage, written) in enumerate(zip(scenario.stages, file["stage"], strict=True), 1):
-        every = {**written, "cost": getattr(stage, "cost", None)}  # also a default cost
-        kept = {key: one for key, one in every.items() if key not in COLUMNS_OF_STAGES and one is not None}
-        words = "; ".join(f"{plain(key)} {in_words(value)}" for key, value in kept.items())
-        stages.append((number, stage.verb, stage.name, words))
-    tables = (
-        Table("", FIELDS, [(key, in_words(value)) for key, value in file.items() if key not in OWN]),
-        Table("Craft", columns, craft, folded=len(craft) > MOST_ROWS),
-        Table("Stages", REQUESTED, stages),
-    )
-    return Section("Request", tuple(lines), tables)
-
-
-def in_words(value: Any) -> str:
-    """Return a value of the file as text."""
-    if isinstance(value, Mapping):
-        return ", ".join(f"{plain(key)} {inner(one)}" for key, one in value.items())
-    if isinstance(value, list):
-        return ", ".join(map(inner, value))
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def plain(key: str) -> str:
-    """Return a key as words."""
-    return key.replace("delta_v", "delta-v").replace("_", " ")
-
-
-def inner(value: Any) -> str:
-    """Return a nested value as text, in brackets if it has parts."""
-    return f"({in_words(value)})" if isinstance(value, Mapping | list) else in_words(value)
+        lines = (f"This is case {scenario.case} of the study: {how} with seed {scenario.study.seed}",)
+    return Section("Request", lines, listing=scenario.text.removeprefix("\ufeff"))
 
 
 def outcome(mission: Mission) -> Section:

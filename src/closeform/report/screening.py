@@ -1,7 +1,7 @@
 """Reports of a screening of ephemerides and of a conjunction data message."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,11 +158,7 @@ def ephemerides(frame: CommonFrame, files: Sequence[Path]) -> Table:
     """Return the ephemerides, with interpolation errors and the age of covariances if there are any."""
     columns = frame.names, files, frame.interpolation_errors.tolist(), frame.ages
     rows = [(name, file.name, error or None, age) for name, file, error, age in zip(*columns, strict=True)]
-    known = [any(row[k] is not None for row in rows) for k in range(len(EPHEMERIDES))]
-    shown = tuple(
-        one if some else replace(one, heading=None) for one, some in zip(EPHEMERIDES, known, strict=True)
-    )
-    return Table("Ephemerides", shown, rows)
+    return Table("Ephemerides", EPHEMERIDES, rows)
 
 
 def limits(screened: Screened) -> Iterator[str]:

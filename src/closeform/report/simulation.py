@@ -97,10 +97,9 @@ TUBE = (
 def tables(simulated: SimulatedRun) -> tuple[Table, ...]:
     """Return the tables of stages, of costs, and of the worst simulations."""
     worst = [flight_row(simulated, seed) for seed in order(simulated)[:WORST]]
-    weighed = not np.isnan(simulated.propellant).all()
     many = len(worst) > 1
     burnt = "largest [kg]" if many else "propellant [kg]"
-    fuel = effort.in_grams(simulated, replace(effort.FUEL, heading=burnt if weighed else None))
+    fuel = effort.in_grams(simulated, replace(effort.FUEL, heading=burnt))
     ends = ": median, 95 % and largest deviation at the end" if many else ": deviation at the end"
     spends = "; feedback: median and largest" if many else ""
     if simulated.control == "track" and simulated.arguments["feedback"].impulses:
@@ -402,7 +401,7 @@ def found_lines(simulated: SimulatedRun) -> Iterator[str]:
 
 
 def pictures(simulated: SimulatedRun) -> Iterator[Picture]:
-    """Yield pictures of clearance ratios, deviations, paths and delta-v."""
+    """Yield pictures of clearance ratios, deviations and paths."""
     flight, names = simulated.flight, {"names": simulated.names}
     if flight.ratios.size:
         caption = "Clearance ratios in every simulation, and those of the closest pair"
@@ -411,8 +410,6 @@ def pictures(simulated: SimulatedRun) -> Iterator[Picture]:
     yield Picture("flights-deviations", caption, "flight_deviations", (flight, simulated.tube), names)
     caption = "The paths as planned and as simulated, with deviations enlarged"
     yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
-    caption = "Delta-v of each craft for the plan, for the model error and for feedback"
-    yield Picture("flights-costs", caption, "flight_costs", (flight,), names)
 
 
 def stored(simulated: SimulatedRun) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -22,9 +22,7 @@ from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.results.load import LoadedRun
 from closeform.scenario import Craft, Scenario
-from closeform.search.leg import Group
-from closeform.search.schedule import Search
-from closeform.search.search_errors import errors_of_each
+from closeform.search.search_errors import SearchErrors, errors_of_each
 from closeform.search.slew_profile import ExecutedTurns
 
 if TYPE_CHECKING:
@@ -67,36 +65,14 @@ class Source:
         for result in self.results:
             if not result.stage.searches or self.scenario is None:
                 continue
-            search, last = result.result.search, result.end - result.start
-            if (errors := self.scenario.search_errors) is not None:
-                craft = errors_of_each(errors, (len(self.scenario.names),))
-                own = ExecutedTurns(search, self.scenario.groups, craft)
-                for k, name in enumerate(self.scenario.names):
-                    parts = executed_turns(own, k, last)
-                    found.setdefault(name, []).extend((times + result.start, rows) for times, rows in parts)
-                continue
-            both: dict[Group, list[tuple[Floats, Floats]]] = {
-                group: [(times + result.start, values) for times, values in turns(search, group, last)]
-                for group in ("A", "B")
-            }
-            for name, group in zip(self.scenario.names, self.scenario.groups, strict=True):
-                found.setdefault(name, []).extend(both[group])
+            errors = errors_of_each(
+                self.scenario.search_errors or SearchErrors(), (len(self.scenario.names),)
+            )
+            own = ExecutedTurns(result.result.search, self.scenario.groups, errors)
+            for k, name in enumerate(self.scenario.names):
+                parts = executed_turns(own, k, result.end - result.start)
+                found.setdefault(name, []).extend((times + result.start, rows) for times, rows in parts)
         return {name: some for name, some in found.items() if some}
-
-
-def turns(search: Search, group: Group, last: float) -> list[tuple[Floats, Floats]]:
-    """Return the turns of a group up to the time `last` [s], with at most 5 degrees between quaternions."""
-    found = []
-    for leg in search.legs:
-        end = min(leg.end, last)
-        if end <= leg.start:
-            break
-        share = (end - leg.start) / (leg.end - leg.start)
-        count = max(2, int(np.ceil(abs(leg.angle) * share / TURNS_EACH)) + 1)
-        times = np.round(np.linspace(leg.start, end, count), 9)
-        attitudes = leg.attitude_at(times)
-        found.append((times, quaternions(attitudes if group == "A" else attitudes * [1.0, -1.0, -1.0])))
-    return found
 
 
 def executed_turns(own: ExecutedTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:

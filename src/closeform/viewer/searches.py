@@ -1,21 +1,21 @@
 """Searches of a scene: attitudes, sensors, locks and sets of craft."""
 
-from math import ceil, isfinite, pi, sqrt
+from math import ceil, isfinite, pi
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.ccsds.aem import quaternions
 from closeform.mission.mission_result import FirstLocks, StageResult
 from closeform.report.sections.searches import locks_of
 from closeform.search.gathering.result import EventKind, Gathering
-from closeform.search.leg import Leg
+from closeform.search.leg import AXES_OF_GROUP
 from closeform.search.schedule import Search
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 
 WIDEST = pi / 2.0  # rad: largest turn between two attitudes; the direction of a half-turn is ambiguous
-HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])  # about body x: from group A to B
 
 
 def searches(shown: Shown, numbers: Numbers) -> list[dict[str, Any]]:
@@ -33,10 +33,8 @@ def searched(shown: Shown, result: StageResult[Any, Any], numbers: Numbers) -> d
     sensor, length = search.sensor, result.end - result.start
     times, attitudes = turns(search, length)
     rows = {
-        group: np.column_stack(
-            [times + result.start, product(attitudes, other) if group == "B" else attitudes]
-        )
-        for group, other in (("A", None), ("B", HALF_TURN))
+        group: np.column_stack([times + result.start, quaternions(attitudes * axes)])
+        for group, axes in AXES_OF_GROUP.items()
     }
     return {
         "stage": result.number,
@@ -85,46 +83,12 @@ def locks(shown: Shown) -> list[dict[str, Any]]:
 
 
 def turns(search: Search, length: float) -> tuple[Floats, Floats]:
-    """Return times (K,) [s] and quaternions (K, 4) of group A; it turns about one axis between them."""
-    times: list[float] = []
-    attitudes: list[Floats] = []
+    """Return times (K,) [s] and attitudes (K, 3, 3) of group A; it turns about one axis between them."""
+    times, attitudes = list[Floats](), list[Floats]()
     for leg in search.legs:
-        if leg.start > length or leg.end <= leg.start:
-            continue
-        last = min(leg.end, length)
-        steps = max(1, ceil(abs(leg.angle) * (last - leg.start) / (leg.end - leg.start) / WIDEST - 1e-9))
-        for share in np.linspace(0.0, 1.0, steps + 1):
-            time = leg.start + share * (last - leg.start)
-            times.append(time)
-            attitudes.append(attitude(leg, time))
-    return np.array(times), np.array(attitudes)
-
-
-def attitude(leg: Leg, time: float) -> Floats:
-    """Return the quaternion (4,) of group A in a leg."""
-    half = 0.5 * leg.angle * (time - leg.start) / (leg.end - leg.start)
-    turned = np.append(np.sin(half) * leg.axis, np.cos(half))
-    return product(turned, quaternion(leg.attitude))
-
-
-def product(one: Floats, other: Floats | None) -> Floats:
-    """Return the quaternions (..., 4) of the rotation `other` followed by `one`."""
-    if other is None:
-        return one
-    v, w, u, s = one[..., :3], one[..., 3:], other[..., :3], other[..., 3:]
-    vector = w * u + s * v + np.cross(v, u)
-    return np.concatenate([vector, w * s - (v * u).sum(axis=-1, keepdims=True)], axis=-1)
-
-
-def quaternion(matrix: Floats) -> Floats:
-    """Return the quaternion (4,), in the order x, y, z, w, of a rotation (3, 3)."""
-    m, trace = matrix, float(np.trace(matrix))
-    k = int(np.argmax([m[0, 0], m[1, 1], m[2, 2], trace]))  # the largest component avoids a small divisor
-    if k == 3:
-        q = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + trace])
-    else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        q = np.empty(4)
-        q[k], q[i], q[j] = 1.0 + 2.0 * m[k, k] - trace, m[i, k] + m[k, i], m[j, k] + m[k, j]
-        q[3] = m[j, i] - m[i, j]
-    return q / sqrt(float(q @ q))
+        if leg.start <= length and leg.end > leg.start:
+            last = min(leg.end, length)
+            steps = max(1, ceil(abs(leg.angle) * (last - leg.start) / (leg.end - leg.start) / WIDEST - 1e-9))
+            times.append(np.linspace(leg.start, last, steps + 1))
+            attitudes.append(leg.attitude_at(times[-1]))
+    return np.concatenate(times), np.concatenate(attitudes)

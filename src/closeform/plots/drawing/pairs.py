@@ -2,33 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.all_pairs import screen
-from closeform.conflicts.flight import nearest
-from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
+from closeform.conflicts.flight import ALL_PAIRS, watch
+from closeform.conflicts.two_paths import PairConflict, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.plots.drawing.inputs import crafts
 from closeform.plots.drawing.text import short_names
-from closeform.zones.made_table import NONE
-from closeform.zones.pair_zones import by_zone, pair_zones
+from closeform.zones.pair_zones import pair_zones
 from closeform.zones.zone import Zone
 
-SURE = 1e-8  # above 1: numerical tolerance of a minimum ratio; larger ratios are not a conflict
 TOUCH = 1e-6  # above 1: tolerance for a pair on the keep-out boundary
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of spacecraft with a keep-out zone, each with its closest approach.
+    """Pairs of spacecraft with a keep-out zone, each with its closest approach and conflicts.
 
     `craft` (M, 2) holds sorted indices i < j. Each pair has a `zone`, a minimum `ratio` (M,), inf if the two
-    share no time, and the `time` of closest approach (M,) [s].
+    share no time, the `time` of closest approach (M,) [s], and its conflicts, `stays`. `total` is the number
+    of all pairs with a zone: of very many, only the closest are here.
     """
 
     paths: Path
@@ -36,29 +33,8 @@ class Pairs:
     zone: list[Zone]
     ratio: Floats
     time: Floats
-    total: int  # number of all pairs with a zone, which may be more than M
-
-    @classmethod
-    def near(cls, paths: Any, zones: Any, count: int, name: str) -> Self:
-        """Return the pairs in conflict, or else the closest ones, of formations too large for `of`.
-
-        Arguments and errors are those of `of`.
-        """
-        batch = stack(crafts("paths", paths))
-        kept = pair_zones(name, zones, count, len(batch) - count)
-        craft = np.unique(np.sort(screen(batch, kept).pairs, axis=1), axis=0)
-        if len(craft):
-            which = kept.which(*craft.T)
-            found = [(kept.zones[k], *craft[some].T) for k, some in by_zone(which)]
-        else:
-            found = list(nearest(batch, kept)) if kept.pairs else []
-        chosen = [zone for zone, first, _ in found for _ in range(len(first))]
-        near = [closest_approach(batch[one], batch[other], zone) for zone, one, other in found]
-        craft = np.concatenate([np.empty((0, 2), dtype=int), *(np.stack(pair[1:], axis=1) for pair in found)])
-        ratio, time = (
-            np.concatenate([[], *(getattr(one, part) for one in near)]) for part in ("ratio", "time")
-        )
-        return cls(batch, craft, chosen, ratio, time, kept.pairs)
+    stays: list[tuple[PairConflict, ...]]
+    total: int
 
     @classmethod
     def of(cls, paths: Any, zones: Any, count: int | None = None, name: str = "zones") -> Self:
@@ -70,29 +46,39 @@ class Pairs:
         batch = stack(crafts("paths", paths))
         flying = len(batch) if count is None else count
         none = zones is None or (isinstance(zones, Sequence) and not zones)
-        own = [None] * len(batch) if none else zones
-        kept = pair_zones(name, own, flying, len(batch) - flying)
-        craft = np.stack(np.triu_indices(len(batch), 1), axis=1)
-        which = kept.which(*craft.T)
-        craft = craft[which != NONE]
-        chosen = [kept.zones[k] for k in which[which != NONE]]
-        ratio, time = np.full((2, len(craft)), np.nan)
-        for zone in dict.fromkeys(chosen):
-            rows = np.array([one is zone for one in chosen])
-            near = closest_approach(batch[craft[rows, 0]], batch[craft[rows, 1]], zone)
-            ratio[rows], time[rows] = near.ratio, near.time
-        return cls(batch, craft, chosen, ratio, time, len(craft))
+        kept = pair_zones(name, [None] * len(batch) if none else zones, flying, len(batch) - flying)
+        flight = watch(batch, range(len(batch)), kept)  # type: ignore[arg-type]  # indices as names
+        stays: dict[tuple[int, int], list[PairConflict]] = {}
+        for met in flight.conflicts:
+            stays.setdefault((met.first, met.second), []).append(met)
+        near = flight.approaches
+        pairs = [(one.first, one.second) for one in near]
+        return cls(
+            batch,
+            np.reshape(np.array(pairs, dtype=int), (-1, 2)),
+            [one.zone for one in near],
+            np.array([one.ratio for one in near]),
+            np.array([one.time for one in near]),
+            [tuple(stays.get(pair, ())) for pair in pairs],
+            len(near) if flight.pairs <= ALL_PAIRS else flight.pairs,
+        )
 
     def __len__(self) -> int:
         return len(self.craft)
 
-    @cached_property
-    def stays(self) -> list[tuple[Conflict, ...]]:
-        """Conflicts (intervals inside the zone) of each pair."""
-        return [
-            find_conflicts(self.paths[i], self.paths[j], zone) if ratio <= 1.0 + SURE else ()
-            for (i, j), zone, ratio in zip(self.craft.tolist(), self.zone, self.ratio, strict=True)
-        ]
+    def ratios(self, times: Floats, rows: Sequence[int] | slice = slice(None)) -> Floats:
+        """Return clearance ratios (R, T) of some pairs at times (T,) [s]; inf where one has no path."""
+        craft, zones = self.craft[rows], np.array([id(zone) for zone in self.zone])[rows]
+        places, found = places_at(self.paths, times), np.full((len(craft), len(times)), np.inf)
+        for zone in {id(zone): zone for zone in self.zone}.values():
+            mine = np.flatnonzero(zones == id(zone))
+            one, other = craft[mine].T
+            gap = places[one] - places[other]
+            both = np.isfinite(gap[..., 0])
+            ratios = np.full(gap.shape[:2], np.inf)
+            ratios[both] = zone._norm(gap[both])
+            found[mine] = ratios
+        return found
 
     @property
     def hit(self) -> Any:
@@ -105,6 +91,15 @@ class Pairs:
         near = list(zip(self.ratio.tolist(), self.time.tolist(), strict=True))
         ranked = sorted(range(len(self)), key=lambda k: nearest_first(*near[k]))
         return [k for k in ranked if near[k][0] < np.inf]
+
+
+def places_at(paths: Path, times: Floats) -> Floats:
+    """Return positions (N, T, 3) [m] of paths (N,), nan outside of their times."""
+    found = np.full((len(paths), len(times), 3), np.nan)
+    for k, places in enumerate(found):
+        there = (times >= paths[k].start) & (times <= paths[k].end)
+        places[there] = paths[k].position(times[there])
+    return found
 
 
 def asked_pairs(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:

@@ -292,10 +292,9 @@ def finished(figure: Figure, views: Sequence[tuple[Axes, Scene, Camera, float]],
     if known:
         legend(figure, list(known.values()), list(known), columnspacing=1.4, handlelength=1.8)
     headline(figure, said)
-    if any(mark.name for _, scene, *_ in views for mark in scene.marks):
-        figure.draw_without_rendering()  # names depend on the final layout
-        for axes, scene, camera, unit in views:
-            scene.name(axes, camera, unit)
+    figure.draw_without_rendering()  # names depend on the final layout, which takes two steps
+    for axes, scene, camera, unit in views:
+        scene.name(axes, camera, unit)
     return figure
 
 

@@ -1,14 +1,12 @@
-"""Text in figures: no math parsing, fonts that contain the characters, and labels that do not overlap."""
+"""Text in figures: no math parsing, names that the font can show, and labels that do not overlap."""
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Any
-from unicodedata import bidirectional
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -19,9 +17,8 @@ from closeform.plots.drawing.palette import INK, dark
 
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 LONG = 13  # maximum number of characters of a name
-LEFT_TO_RIGHT = "\u200e"  # zero-width mark
 HALO = [withStroke(linewidth=4, foreground="white")]  # keeps words readable on lines
-NEAR, FAR = 6, 12  # number of SPOTS next to a point, and of those farther away, joined by a line
+NEAR = 6  # number of SPOTS next to a point; those farther away are joined to it by a line
 SPOTS = (  # offsets of a label [typographic points], and its horizontal alignment
     (6, 5, "left"),
     (-6, 5, "right"),
@@ -39,49 +36,28 @@ SPOTS = (  # offsets of a label [typographic points], and its horizontal alignme
 ENOUGH = 2000  # maximum number of track points that labels avoid
 
 
-def short_names(names: Sequence[str] | None, count: int, what: str = "craft") -> list[str]:
+def short_names(names: Sequence[str] | None, count: int, what: str = "craft", long: int = LONG) -> list[str]:
     """Return short labels of spacecraft: their names, shortened in the middle, or their indices.
 
-    A name with characters that no installed font contains becomes its position in the list, such as "#3".
+    A name with characters that the font does not contain becomes its position in the list, such as "#3".
     """
     if names is None:
         return [str(k) for k in range(count)]
-    names = texts("names", names, count, what)
-    half = LONG // 2
-    short = [name if len(name) <= LONG else f"{name[:half]}…{name[-half:]}" for name in names]
-    return [upright(name) if None not in fonts(name) else f"#{k}" for k, name in enumerate(short, 1)]
+    names, half = texts("names", names, count, what), long // 2
+    short = [name if len(name) <= long else f"{name[:half]}…{name[-half:]}" for name in names]
+    return [name if legible(name) == name else f"#{k}" for k, name in enumerate(short, 1)]
 
 
-def upright(name: str) -> str:
-    """Append a left-to-right mark to a right-to-left name, so that digits after it keep their order."""
-    return name + LEFT_TO_RIGHT if any(bidirectional(one) in ("R", "AL") for one in name) else name
+def legible(text: str) -> str:
+    """Return a text with a question mark in place of each character that the font does not contain."""
+    font = get_font(findfont(FontProperties()))
+    return "".join(one if one == "\n" or font.get_char_index(ord(one)) else "?" for one in text)
 
 
-def fonts(text: str) -> tuple[str | None, ...]:
-    """Return the font families that a text needs besides the default; None for a character without a font."""
-    if text.isascii():
-        return ()
-    usual = get_font(findfont(FontProperties()))
-    return tuple(dict.fromkeys(font_of(one) for one in text if not usual.get_char_index(ord(one))))
-
-
-@cache
-def font_of(letter: str) -> str | None:
-    """Return an installed scalable font family that contains a character, or None."""
-    for entry in fontManager.ttflist:
-        if entry.name.startswith("Last Resort") or "color" in entry.name.lower():
-            continue  # placeholder glyphs and colour bitmaps
-        font = get_font(entry.fname)
-        if font.scalable and font.get_char_index(ord(letter)):
-            return entry.name
-    return None
-
-
-def plain(text: Text, *names: str) -> Text:
-    """Disable math parsing of a text and set fonts for it and for `names` that it may show later."""
+def plain(text: Text) -> Text:
+    """Disable the math parsing of a text, which may contain a name, and make it legible."""
     text.set_parse_math(False)
-    if more := [family for family in fonts(text.get_text() + "".join(names)) if family is not None]:
-        text.set_fontfamily(["sans-serif", *dict.fromkeys(more)])
+    text.set_text(legible(text.get_text()))
     return text
 
 
@@ -100,60 +76,43 @@ def label(
     marks: Floats | None = None,
     tracks: Floats | None = None,
     tints: Any = None,
-    spots: int = FAR,
-    first: int = 0,
+    spots: int = len(SPOTS),
 ) -> None:
     """Write each name by its point (N, 2), clear of other names and `marks`, over the fewest `tracks`.
 
-    Of `SPOTS`, those from `first` up to `spots` are tried; a name without room at any of them is omitted. The
-    limits of the axes must be final.
+    The first `spots` of SPOTS are tried; a name without room at any of them is omitted. The limits of the
+    axes must be final.
     """
     axes.autoscale_view()
     axes.apply_aspect()
-    renderer = FigureCanvasAgg(axes.get_figure(root=True)).get_renderer()
-    to_pixels, pixel = axes.transData.transform, axes.figure.dpi / 72.0
-    frame, taken = axes.get_window_extent(), list[Bbox]()
-    ends = to_pixels(points)
-    dots = ends if marks is None else np.vstack([ends, to_pixels(marks)])
+    renderer, to_pixels = FigureCanvasAgg(axes.get_figure(root=True)).get_renderer(), axes.transData.transform
+    frame, taken, pixel = axes.get_window_extent(), list[Bbox](), axes.figure.dpi / 72.0
+    dots = to_pixels(points if marks is None else np.vstack([points, marks]))
     lines = np.empty((0, 2)) if tracks is None else to_pixels(tracks[:: max(1, len(tracks) // ENOUGH)])
-    for k, (name, end) in enumerate(zip(names, ends, strict=True)):
+    for k, (name, end) in enumerate(zip(names, to_pixels(points), strict=True)):
         tint = INK if tints is None else dark(tints[k])
-        text = plain(word(axes, points[k], name, tint, zorder=6, va="baseline"))
-        box = text.get_window_extent(renderer)
-        found: list[tuple[bool, int, int, Bbox]] = []
+        leader = {"arrowstyle": "-", "color": tint, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
+        text: Any = plain(word(axes, points[k], name, tint, zorder=6, va="baseline", arrowprops=leader))
+        size, boxes, free = (
+            Text.get_window_extent(text, renderer),
+            list[Bbox](),
+            list[tuple[bool, int, int]](),
+        )
         for place, (right, up, edge) in enumerate(SPOTS[:spots]):
-            if place < first:
-                continue
-            left = end[0] + right * pixel - box.width * {"left": 0.0, "center": 0.5, "right": 1.0}[edge]
-            here = Bbox.from_bounds(left, end[1] + up * pixel - 0.25 * box.height, box.width, box.height)
-            inside = (
-                frame.x0 <= here.x0 and here.x1 <= frame.x1 and frame.y0 <= here.y0 <= here.y1 <= frame.y1
-            )
-            if inside and not here.count_overlaps(taken) and not here.padded(4 * pixel).count_contains(dots):
-                found.append((place >= NEAR, here.count_contains(lines), place, here))
-        if not found:
+            left = end[0] + right * pixel - size.width * {"left": 0.0, "center": 0.5, "right": 1.0}[edge]
+            low = end[1] + up * pixel - 0.25 * size.height  # below the baseline
+            boxes.append(Bbox.from_bounds(left, low, size.width, size.height))
+            inside = frame.count_contains(boxes[-1].corners()) == len(boxes[-1].corners())
+            if (
+                inside
+                and not boxes[-1].count_overlaps(taken)
+                and not boxes[-1].padded(4 * pixel).count_contains(dots)
+            ):
+                free.append((place >= NEAR, boxes[-1].count_contains(lines), place))
+        if not free:
             text.remove()
             continue
-        away, _, place, here = min(found, key=lambda one: one[:3])
-        taken.append(here)
-        right, up, edge = SPOTS[place]
-        text.set(position=(right, up), ha=edge)
-        if away:
-            axes.annotate(
-                "",
-                tuple(points[k]),
-                (0.8 * right, up + 3),
-                textcoords="offset points",
-                arrowprops={"arrowstyle": "-", "color": tint, "linewidth": 0.7, "shrinkB": 3.0},
-            )
-
-
-def follow(axes: Axes, words: Sequence[Any], points: Floats) -> None:
-    """Move labels to the right of their moving points (N, 2), or to the left; hide those without room."""
-    places = axes.transData.transform(points) * 72.0 / axes.figure.dpi  # typographic points
-    for text, point, place in zip(words, points, places, strict=False):
-        right, up = (places - place).T
-        near, room = np.abs(up) < 1.4 * SMALL, 0.6 * SMALL * len(text.get_text())
-        taken, blocked = (bool((near & (side > 0.0) & (side < room)).any()) for side in (right, -right))
-        text.xy, text.xyann = point, (-5 if taken else 5, 9)
-        text.set(ha="right" if taken else "left", visible=not (taken and blocked))
+        away, _, place = min(free)
+        taken.append(boxes[place])
+        text.set(position=SPOTS[place][:2], ha=SPOTS[place][2])
+        text.arrow_patch.set_visible(away)

@@ -193,15 +193,11 @@ class Choices:
             yield Picture("primer", caption, "primer", *self.primer(most), shows=shows)
         if isinstance(self.mission.orbit, ChiefOrbit):  # delta-v depends on the departure there
             return
-        plans, fired, asked = None, None, None if self.result.executed else self.ends[2]
-        if self.result.executed:
-            plans = [self.plan(name) for name in self.movers]
-            if self.result.pulsed is not None:
-                fired = float(self.result.delta_v[self.places].sum())
+        plans = [self.plan(name) for name in self.movers] if self.result.executed else None
         caption = "Minimum delta-v against duration" + ", all craft together, without zones" * (
             len(self.movers) > 1
         )
-        yield Picture("trade", caption, "trade", (self.trade, plans, fired, asked))
+        yield Picture("trade", caption, "trade", (self.trade, plans))
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
         """Return arguments and options of a spacecraft's primer plot: its plan around zones, or its path."""

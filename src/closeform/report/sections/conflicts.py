@@ -199,7 +199,7 @@ def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
     if not result.stage.animation:
         return ()
     options = {"names": result.after.names, "zone": zones}
-    return (Film("flight", "All craft in motion", "animations.reel", (result.after.paths,), options),)
+    return (Film("flight", "All craft in motion", "formation_animation", (result.after.paths,), options),)
 
 
 def deepest(flight: WatchedFlight) -> tuple[Picture, ...]:

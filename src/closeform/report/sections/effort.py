@@ -85,12 +85,8 @@ def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
 def shown(
     mission: Mission, columns: Iterable[Column], hide: Container[str | None] = ()
 ) -> tuple[Column, ...]:
-    """Return the columns, hiding those in `hide`, and propellant if its consumption is unknown."""
-    known = bool(np.isfinite(mission.propellant).any())
-    kept = (
-        replace(one, heading=None) if one.key in hide or (one.key == FUEL.key and not known) else one
-        for one in columns
-    )
+    """Return the columns without those in `hide`, and propellant in the unit of the mission."""
+    kept = (replace(one, heading=None) if one.key in hide else one for one in columns)
     return tuple(in_grams(mission, one) if one.key == FUEL.key else one for one in kept)
 
 
@@ -205,9 +201,8 @@ class StageBurns:
             drops = set() if len(pulsed.firing.dropped) else {"dropped_m_s"}
             yield Table("Pulses of thrusters", shown(self.mission, PULSED, drops), self.shots)
         if self.result.executed and self.rows:
-            plain = {"thruster"} if pulsed is None else set()
             title = "Burns" if pulsed is None else f"Burns, {counted(len(self.rows), 'pulse')}"
-            columns = shown(self.mission, BURN, plain)
+            columns = shown(self.mission, BURN)
             some = [row for row in self.rows if row[SIZE] >= SMALLEST]
             if left := len(self.rows) - len(some):
                 title += f", without {left} below {1e3 * SMALLEST:g} mm/s (all are in burns.parquet)"
@@ -348,12 +343,8 @@ def used(mission: Mission) -> Table:
         in_grams(mission, replace(FUEL, heading=left, key="propellant_left_kg")),
         Column(f"of {key} [%]", f"share_of_{key}", "{:.1f}".format, 100.0),
     ]
-    shown = tuple(
-        replace(column, heading=column.heading if any(row[k] is not None for row in rows) else None)
-        for k, column in enumerate(columns)
-    )
     title = "Use of each spacecraft" + ", planned and simulated" * bool(how)
-    return Table(title, shown, rows, folded=len(rows) > MOST_ROWS, idle=UNUSED)
+    return Table(title, tuple(columns), rows, folded=len(rows) > MOST_ROWS, idle=UNUSED)
 
 
 def with_total(mission: Mission, used: Table) -> Table:

@@ -252,8 +252,7 @@ def reconfigure(mission: Mission, result: Joint, reached: str | None = None) -> 
     active = [((moved.names[at.first], moved.names[at.second]), at) for at in plan.contacts]
     touched, priced = [], [prices(plan, moved.names, result.after.names)] if plan.prices else []
     if active:
-        lost = None if plan.drift is None else "thrust lost at [s]"
-        columns = PAIR, replace(AT, key=None), Column(lost, form="{:.3f}".format)
+        columns = PAIR, replace(AT, key=None), Column("thrust lost at [s]", form="{:.3f}".format)
         touched = [
             Table(
                 f"Active constraints: contacts with {margin(plan)}keep-out zones",

@@ -31,17 +31,15 @@ EVENTS = {  # a failure as text, and the heading of its time
 
 def drift_columns(passive: "PassiveSafety") -> tuple[Column, ...]:
     """Return the columns of the table of pairs in free drift."""
-    lost = any(not isnan(pair.failed_at) for pair in passive.pairs)  # else thrust is not used
-    instant = EVENTS[type(passive.failure).__name__][1] if lost else None
     several = len({pair.model for pair in passive.pairs}) > 1
     return (
         Column("fails", "first", words=True),
         Column("meets", "second", words=True),
         RATIO,
         Column("distance [m]", "distance_m", SECONDS),
-        Column(instant, "failed_at_s", SECONDS, since="mission"),
+        Column(EVENTS[type(passive.failure).__name__][1], "failed_at_s", SECONDS, since="mission"),
         replace(AT, heading="closest at [s]"),
-        Column("later" if lost else None, absent=""),
+        Column("later", absent=""),
         Column("in" if several else None, "model", words=True, spare=True),
     )
 

@@ -275,7 +275,6 @@ def gather(mission: Mission, result: Gathered) -> Section:
             *((history,) if history.rows else ()),
             replace(spent, rows=[*spent.rows, total]),
             *ways(result),
-            *joins(gathering, names),
             *met,
             facts(once, gathering.duration, result.sun),
             phases(once, rounds),
@@ -364,26 +363,6 @@ def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
     return f"lock, knowledge set {max(before)} joins {goal}"
 
 
-def joins(gathering: Gathering, names: Sequence[str]) -> Iterator[Table]:
-    """Yield the locks as H03's table of joins, and those of two craft that already were in one set."""
-    kinds = ("lost", "in a knowledge set", "in the formation set")
-    columns = Column("one is", words=True), *(Column(f"the other is {kind}") for kind in kinds)
-    rows = [(kind, *row) for kind, row in zip(kinds, gathering.join_table.tolist(), strict=True)]
-    yield Table("Locks by the sets of the two: H03's cases 1 to 9", columns, rows, folded=True)
-    if gathering.known_locks:
-        columns = replace(PAIR, key=None), Column("at [s]", form="{:.2f}".format, since="stage"), PHASE
-        known = [
-            ((names[one.first], names[one.second]), one.time, (one.phase, one.round), one.case, one.label)
-            for one in gathering.known_locks
-        ]
-        yield Table(
-            "Locks within a set, which join nothing",
-            (*columns, Column("case"), Column("set")),
-            known,
-            folded=True,
-        )
-
-
 def progress(gathering: Gathering) -> Table:
     """Return the table of events in each phase, and of the sets at its end."""
     moments = list(replayed(gathering))
@@ -429,7 +408,7 @@ def spendings(mission: Mission, result: Gathered) -> Table:
         Column(None, "set"),
         Column("burns"),
         replace(speed(gathering), key="delta_v_m_s"),
-        effort.in_grams(mission, effort.FUEL) if known else replace(effort.FUEL, heading=None),
+        effort.in_grams(mission, effort.FUEL),
     )
     return Table("Delta-v of each craft", columns, rows, folded=len(names) > MOST_ROWS, idle=effort.UNUSED)
 
@@ -579,7 +558,7 @@ def pictures(gathering: Gathering, names: Sequence[str], moving: bool) -> tuple[
     if moving:
         caption = "The gathering from the start of its search to its end"
         options = {"names": names, "frames": FRAMES}
-        found.append(Film("gathering", caption, "gatherings.reel", (gathering,), options, most=FILMED))
+        found.append(Film("gathering", caption, "animation", (gathering,), options, most=FILMED))
     for k, time in enumerate(moments(gathering), 1):
         caption = f"{time:.2f} s ({minutes(time)} min:s) after the start of the search"
         found.append(Picture(f"view-{k}", caption, "three_views", (gathering, time), {"names": names}))

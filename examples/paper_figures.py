@@ -1,19 +1,26 @@
-"""Schematic pictures of the papers on lost spacecraft: locks, body frame, near field, sets and joins."""
+"""Draw the figures of the source papers that no run of closeform draws: geometry, sets, joins, lemma 2.
 
-from __future__ import annotations
+`examples/papers.py` saves them beside the papers' other figures. They use the drawing primitives of
+closeform's own pictures.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from math import cos, degrees, isinf, pi, sin
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
-from closeform.arrays import finite, number, numbers, positive
-from closeform.plots.drawing.inputs import picture
+from closeform import Gathering, Search, Sensor, lock_margins, lock_times
+from closeform.arrays import Floats, finite, number, numbers, positive
+from closeform.papers import regions_searched
 from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
@@ -26,8 +33,11 @@ from closeform.plots.drawing.palette import (
     colours,
 )
 from closeform.plots.drawing.space import (
+    GROUP_COLOURS,
     OBLIQUE,
+    ROMAN,
     SUNWARD,
+    Camera,
     arrow,
     bare,
     cone,
@@ -36,23 +46,15 @@ from closeform.plots.drawing.space import (
     solid,
     to_sun,
 )
-from closeform.plots.drawing.style import (
-    DASHED,
-    DOTTED,
-    dress,
-    headline,
-    plural,
-    sheet,
-    speed,
-)
+from closeform.plots.drawing.style import DASHED, DOTTED, dress, headline, length_unit, plural, sheet, speed
 from closeform.plots.drawing.text import SMALL, TEXT, short_names, word
-from closeform.search.gathering.result import Gathering
+from closeform.search.leg import SUN
 from closeform.search.lock_statistics import phase_index, phase_labels
-from closeform.search.lock_times import lock_times
-from closeform.search.proofs.lock_margins import lock_margins
-from closeform.search.schedule import Search
-from closeform.search.sensor import Sensor
 
+REGION_COLOURS = {1: AFTER, 2: ZONE, 3: ALTERNATIVE, 4: "#AA4499"}
+ORIGIN, LEVEL = np.zeros(3), np.array([1.0, 1.0, 0.0])
+CAMERA = Camera.around(-1.0, 0.55, -SUN, np.array([1.0, 0.0, 0.0]))
+ON = 1e-6  # degrees from the cone's edge that count as on it
 PIXELS = 241  # of the picture, along each side
 SETS = ("lost", "knowledge set", "formation set")
 JOINS = (  # H03 figure 8: what a lock between craft of two sets does
@@ -62,7 +64,6 @@ JOINS = (  # H03 figure 8: what a lock between craft of two sets does
 )
 
 
-@picture("shapes are wrong")
 def simultaneity(sensor: Sensor, positions: ArrayLike, boresights: ArrayLike) -> Figure:
     """Plot which spacecraft of a plane lock: those that are in each other's cone, S04 and H03 figures 1.
 
@@ -127,7 +128,6 @@ def simultaneity(sensor: Sensor, positions: ArrayLike, boresights: ArrayLike) ->
     return figure
 
 
-@picture("`shade` is not positive")
 def spacecraft(search: Search, shade: float) -> Figure:
     """Plot the shade, body axes, sensor and sun limit of a spacecraft: S04 and H03 figures 2.
 
@@ -167,7 +167,6 @@ def spacecraft(search: Search, shade: float) -> Figure:
     return figure
 
 
-@picture("the near field is empty or unbounded")
 def near_field(search: Search) -> Figure:
     """Plot the region that one craft's own cone never covers, along the sun line: H03 figure 6.
 
@@ -205,7 +204,6 @@ def near_field(search: Search) -> Figure:
     return figure
 
 
-@picture("`time` is outside the gathering")
 def sets(gathering: Gathering, time: float, names: Sequence[str] | None = None) -> Figure:
     """Plot the sets of a gathering at a time with their velocities: H03 figure 7.
 
@@ -261,10 +259,6 @@ def _colour(label: int) -> str:
     return {-1: OTHER, 0: AFTER}.get(int(label), ZONE)
 
 
-@picture(
-    "a shape is wrong, a number is not finite, `reach` is not positive, or the two are at the same position "
-    "anywhere in the picture"
-)
 def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: float) -> Figure:
     """Plot the phase of the first lock for initial positions around a given one, at the same velocity.
 
@@ -311,7 +305,6 @@ def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: fl
     return figure
 
 
-@picture()
 def join_table(gathering: Gathering | None = None) -> Figure:
     """Plot H03's table of joins, with the number of locks of a gathering in each of its nine cases: figure 8.
 
@@ -348,3 +341,262 @@ def join_table(gathering: Gathering | None = None) -> Figure:
     total = "" if counts is None else f"; {int(counts.sum())} locks of this gathering"
     headline(figure, f"Joins: a lock between craft of two sets, cases 1 to 9{total}")
     return figure
+
+
+def complementary_cones(search: Search, mops: int = 1) -> Figure:
+    """Plot the four regions of the complementary cones and their search times: S04 figure 5.
+
+    The view is from spacecraft i of group A. n3 points away from the Sun. Each region is half of a cone, cut
+    by the plane of n2 and n3. The table lists the times at which a whole region lies in the cone of
+    spacecraft i. It also lists the region that spacecraft j of group B then has in its own cone, from which
+    it would see spacecraft i.
+
+    Parameters
+    ----------
+    search : Search
+        Search with a sensor that leaves complementary cones.
+    mops : int, default 1
+        Number of the mOPS that defines n1, the boresight of A at its start.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 5.
+    """
+    if search.sensor.cosine <= 0.0:
+        raise ValueError(
+            f"search: a half-angle of {degrees(search.sensor.half_angle):g} deg leaves no complementary cones"
+        )
+    regions_searched(search, mops)  # raises ValueError without that mOPS
+    start = next(leg for leg in search.legs if (leg.phase, leg.round) == ("mOPS", mops))
+    first, third = start.attitude[:, 2], -SUN
+    second = np.cross(third, first)
+    camera = Camera.around(-1.05, 0.3, third, first)
+    figure = sheet(6.2)
+    axes, beside = figure.subplots(1, 2, width_ratios=[0.62, 0.38])
+    bare(axes, (0.0, -0.04), 3.0, 2.75)
+    wall = np.array([[-0.62, -1.1], [0.62, -1.1], [0.62, 1.1], [-0.62, 1.1]]) @ [second, third]
+    rims = {number: half_rim(search, number, first) for number in ROMAN}
+    near = [number for number, rim in rims.items() if camera.nearness(np.sign(rim[24] @ first) * first) > 0.0]
+    for region in (*(rims.keys() - near), 0, *near):
+        if region == 0:
+            axes.fill(*camera(wall).T, facecolor=FAINT, alpha=0.6, edgecolor=OTHER, linewidth=0.8)
+            continue
+        colour, rim = REGION_COLOURS[region], rims[region]
+        fill(axes, solid(camera, ORIGIN, rim), colour, 0.4)
+        axes.plot(*camera(np.vstack([ORIGIN, rim, ORIGIN])).T, color=colour, linewidth=1.6)
+    for name, axis in (("n₁", first), ("n₂", second), ("n₃", third)):
+        reach = 1.2 if name == "n₃" else 0.95
+        arrow(axes, camera(np.array([ORIGIN, reach * axis])), INK)
+        word(axes, camera((reach + 0.1) * axis), name, fontsize=TEXT)
+    axes.plot(*camera(ORIGIN), "o", color=INK, markersize=7)
+    word(axes, camera(ORIGIN), "craft i", shift=(-12, -13), ha="right")
+    for region, rim in rims.items():
+        word(axes, camera(0.86 * rim[24]), ROMAN[region], fontsize=TEXT + 3, fontweight="bold")
+    to_sun(axes, camera, 1.05 * SUN, 0.3)
+    region_table(beside, search, mops)
+    half = f"{degrees(pi / 2 - search.sensor.half_angle):.4g}°"
+    headline(
+        figure, f"The four regions of the complementary cones ({half}), and when mOPS {mops} searches them"
+    )
+    return figure
+
+
+def half_rim(search: Search, number: int, first: Floats) -> Floats:
+    """Return the rim (49, 3) of a region: half a circle centred in the plane of n1 and n3."""
+    half = pi / 2 - search.sensor.half_angle
+    third, ahead = (-SUN, SUN)[number in (1, 4)], (1.0 if number in (1, 2) else -1.0) * first
+    turn = np.linspace(-pi / 2, pi / 2, 49)[:, None]
+    aside = np.cos(turn) * ahead + np.sin(turn) * np.cross(-SUN, ahead)
+    return np.asarray(np.cos(half) * third + np.sin(half) * aside)
+
+
+def region_table(axes: Axes, search: Search, mops: int) -> None:
+    """Add the table of search times with the regions of spacecraft i of A and spacecraft j of B."""
+    axes.set_axis_off()
+    seen = list(zip(*(regions_searched(search, mops, group) for group in ("A", "B")), strict=True))
+    rows = [[f"{time:.1f}", ROMAN[own], ROMAN[other]] for (time, own), (_, other) in seen]
+    heads = ["time [s]", "craft i\n(group A)", "craft j\n(group B)"]
+    table = axes.table(
+        rows,
+        colLabels=heads,
+        cellLoc="center",
+        edges="horizontal",
+        bbox=Bbox.from_bounds(0.0, 0.35, 1.0, 0.5),
+    )
+    table.auto_set_font_size(False)
+    for (row, column), cell in table.get_celld().items():
+        tint = ([INK, *GROUP_COLOURS.values()] if row == 0 else [INK] * 3)[column]
+        if row and column:
+            tint = REGION_COLOURS[(seen[row - 1][column - 1])[1]]
+        cell.set_edgecolor(FAINT)
+        cell.set_text_props(color=tint, fontsize=SMALL, fontweight="bold" if not row or column else "normal")
+    said = (
+        "At these times the whole region\nlies in the craft's cone: both see\neach other wherever j is in it."
+    )
+    axes.text(0.5, 0.28, said, ha="center", va="top", fontsize=SMALL, color=INK, linespacing=1.4)
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """Spacecraft j at `craft` (3,) [m], seen from spacecraft i at the origin; `boresight` is in the plane."""
+
+    craft: Floats
+    boresight: Floats
+    half_angle: float
+
+    @property
+    def foot(self) -> Floats:
+        """Point S of S04 (3,): the projection of spacecraft j onto the plane."""
+        return np.asarray(self.craft * LEVEL)
+
+    @property
+    def vertex(self) -> Floats:
+        """Point T of S04 (3,): the vertex of the hyperbola, nearest to the foot."""
+        return np.asarray(self.foot + abs(self.craft[2]) / np.tan(self.half_angle) * self.boresight)
+
+    @property
+    def size(self) -> float:
+        """Distance between the spacecraft [m]."""
+        return float(np.linalg.norm(self.craft))
+
+    @property
+    def reach(self) -> float:
+        """Extent of the plane that is shown ahead of the foot and to its sides [m]."""
+        return max(1.25 * float(np.linalg.norm(self.foot)), 0.5 * self.size)
+
+    @cached_property
+    def curve(self) -> Floats:
+        """Hyperbola H (97, 3): s ahead of the foot and w aside, s tan(half_angle) = sqrt(w^2 + z^2)."""
+        aside = self.reach * np.sin(self.half_angle) * np.linspace(-1.0, 1.0, 97)
+        ahead = np.hypot(aside, self.craft[2]) / np.tan(self.half_angle)
+        side = np.cross(-SUN, self.boresight)
+        return np.asarray(self.foot + ahead[:, None] * self.boresight + aside[:, None] * side)
+
+    @property
+    def within(self) -> Floats:
+        """Outline (99, 3) of the part of the plane inside the cone, as far as it is shown."""
+        rest = max(0.0, self.reach - float((self.curve[0] - self.foot) @ self.boresight))
+        return np.vstack([self.curve, self.curve[[-1, 0]] + rest * self.boresight])
+
+    @property
+    def floor(self) -> Floats:
+        """Corners (4, 3) of the part of the plane that is shown."""
+        points = np.vstack([self.within, self.foot, ORIGIN])
+        (left, low, _), (right, high, _) = points.min(axis=0), points.max(axis=0)
+        return np.array([[left, low, 0.0], [right, low, 0.0], [right, high, 0.0], [left, high, 0.0]])
+
+    @property
+    def state(self) -> str:
+        """Position of spacecraft i relative to H, as text."""
+        off = np.arccos(np.clip(-self.craft @ self.boresight / self.size, -1.0, 1.0))
+        margin = degrees(off - self.half_angle)
+        return "outside of H" if margin > ON else ("within H: locked" if margin < -ON else "on H, and locks")
+
+
+def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: float | None = None) -> Figure:
+    """Plot why spacecraft outside each other's complementary cones lock in the in-plane search: S04 figure 6.
+
+    The figure shows spacecraft j of group B as seen by spacecraft i of group A. The cone of spacecraft j
+    meets the plane of the boresights in the hyperbola H. S is the projection of spacecraft j onto the plane
+    and T the vertex of H. The ray from S through T passes over spacecraft i in every in-plane search.
+    Spacecraft i is beyond T, because a spacecraft on the segment from S to T is in a complementary cone.
+    Hence spacecraft i comes within H, and both lock.
+
+    Parameters
+    ----------
+    search : Search
+        Search with a half-angle below 90 deg and sensors at the centres of mass.
+    position : array_like of shape (3,) [m]
+        Position of B relative to A at the start of the search, in the inertial frame.
+    velocity : array_like of shape (3,) [m/s]
+        Velocity of B relative to A, in the inertial frame.
+    time : float [s], optional
+        Time in the first in-plane search; default: that of the first lock.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 6, lemma 2.
+    """
+    if search.sensor.offset > 0.0 or search.sensor.cosine <= 0.0:
+        raise ValueError(
+            "search: lemma 2 requires sensors at the centres of mass and half-angles below 90 deg"
+        )
+    r, v = numbers("position", position), numbers("velocity", velocity)
+    for name, vector in (("position", r), ("velocity", v)):
+        if vector.shape != (3,):
+            raise ValueError(f"{name}: expected shape (3,), got {vector.shape}")
+    leg = search.legs[0]
+    when = float(lock_times(search, r, v).time[0]) if time is None else number("time", time)
+    if leg.phase != "IPS" or not 0.0 <= when <= leg.end:
+        raise ValueError(f"time: {when:g} s is not in the first in-plane search, which ends at {leg.end:g} s")
+    meeting = Meeting(r + v * when, -search.boresight(when), search.sensor.half_angle)
+    line = r + v * np.array([[0.0], [leg.end]])
+
+    figure = sheet(6.6)
+    rest = 0.45 * meeting.size * np.array([ring(pole, pi / 2 - meeting.half_angle) for pole in (SUN, -SUN)])
+    seen = CAMERA(np.vstack([line, meeting.floor, *rest, meeting.craft, 0.62 * meeting.size * SUN]))
+    axes = figure.subplots()
+    bare(axes, (seen.min(axis=0) + seen.max(axis=0)) / 2, *(1.16 * np.ptp(seen, axis=0)))
+    cone(axes, CAMERA, ORIGIN, rest[0], BEFORE, 0.3, color=BEFORE)  # below the plane
+    surfaces(axes, meeting)
+    cone(axes, CAMERA, ORIGIN, rest[1], BEFORE, 0.3, color=BEFORE)
+    course(axes, line)
+    both_craft(axes, meeting)
+    unit = length_unit(meeting.size)
+    apart = f"{meeting.size / unit.size:.4g} {unit.name} apart"
+    headline(figure, f"Lemma 2 at {when:.1f} s: {apart}; craft i is {meeting.state}")
+    return figure
+
+
+def surfaces(axes: Axes, meeting: Meeting) -> None:
+    """Draw the plane, the cone of spacecraft j down to it, H, S and T."""
+    colour, curve = GROUP_COLOURS["B"], meeting.curve
+    fill(axes, CAMERA(meeting.floor), FAINT, 0.5)
+    fill(axes, CAMERA(meeting.within), colour, 0.12)
+    for part in (curve[: len(curve) // 2 + 1], curve[len(curve) // 2 :]):
+        fill(axes, solid(CAMERA, meeting.craft, part), colour, 0.12)
+    for point in curve[:: len(curve) // 8]:
+        draw(axes, [meeting.craft, point], color=colour, linewidth=0.6, alpha=0.6)
+    draw(axes, curve, color=colour, linewidth=2.2)
+    draw(axes, [meeting.craft, meeting.foot], color=OTHER, linestyle=DOTTED, linewidth=1.4)
+    end = meeting.foot + meeting.reach * meeting.boresight
+    draw(axes, [meeting.foot, end], color=colour, linestyle=DASHED, linewidth=1.4)
+    for point, text, shift in ((meeting.foot, "S", (-11, -8)), (meeting.vertex, "T", (3, -13))):
+        axes.plot(*CAMERA(point), "o", color=colour, markersize=6)
+        word(axes, CAMERA(point), text, shift=shift, fontsize=TEXT)
+    far = curve[8] if np.linalg.norm(curve[8]) > np.linalg.norm(curve[-9]) else curve[-9]
+    word(axes, CAMERA(far), "H", colour, (-11, 9), fontsize=TEXT)
+
+
+def course(axes: Axes, line: Floats) -> None:
+    """Draw the line L of the relative motion during the in-plane search."""
+    draw(axes, line, color=INK, linewidth=1.2)
+    axes.plot(*CAMERA(line[0]), "o", color=INK, markerfacecolor="white", markersize=6)
+    way = CAMERA(line[1] - line[0])
+    right, up = 14.0 * way / (np.linalg.norm(way) or 1.0)
+    word(axes, CAMERA(line[0]), "0 s", shift=(-1.3 * right, -up))
+    word(axes, CAMERA(line[1]), "L", shift=(right, up), style="italic", fontsize=TEXT)
+
+
+def both_craft(axes: Axes, meeting: Meeting) -> None:
+    """Draw the spacecraft with their boresights, the axes of the frame, and the Sun."""
+    size = meeting.size
+    for name, axis, reach in zip("xyz", np.eye(3), (0.3, 0.3, 0.58), strict=True):
+        arrow(axes, CAMERA([ORIGIN, reach * size * axis]), INK, linewidth=1.1, mutation_scale=9)
+        word(axes, CAMERA((reach + 0.05) * size * axis), f"$n_{name}$", fontsize=TEXT)
+    pair = ((ORIGIN, -meeting.boresight, "A", "i"), (meeting.craft, meeting.boresight, "B", "j"))
+    for point, way, group, name in pair:
+        colour, tip = GROUP_COLOURS[group], point + 0.42 * size * way
+        right, up = CAMERA(way) / np.linalg.norm(CAMERA(way))
+        arrow(axes, CAMERA([point, tip]), colour, linewidth=2.4, zorder=5)
+        word(axes, CAMERA(tip), f"$b_{name}$", colour, (13 * right, 13 * up), fontsize=TEXT)
+        axes.plot(*CAMERA(point), "o", color=colour, markeredgecolor=INK, markersize=9, zorder=6)
+        side = -1 if right > 0.0 else 1  # away from the boresight
+        look = {"ha": "right" if side < 0 else "left", "fontweight": "bold", "zorder": 7}
+        word(axes, CAMERA(point), f"craft {name}", colour, (12 * side, -11 * float(np.sign(up))), **look)
+    to_sun(axes, CAMERA, 0.48 * size * SUN, 0.12 * size)
+
+
+def draw(axes: Axes, points: Any, **look: Any) -> None:
+    """Draw a line through points (K, 3)."""
+    axes.plot(*CAMERA(points).T, **look)
