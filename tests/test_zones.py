@@ -52,6 +52,20 @@ def test_extents_agree_with_samples(kind):
     assert (widest >= zone.extents * 0.98).all()  # 200 000 points come this near to a corner
 
 
+def test_the_text_of_a_zone_creates_it():
+    solids = (
+        cf.Sphere(20.0),
+        cf.Box([2, 4, 8], axes=TURN),
+        cf.Ellipsoid([2, 4, 8]),
+        cf.Cylinder(2, 9, [0, 3, 4]),
+    )
+    for zone in (*solids, cf.HalfSpaces([[1, 0, 0], [0, 3, 4]], [5, 7])):
+        created = eval(repr(zone), vars(cf))
+        assert created.shape == zone.shape
+        assert created.norm([3, -2, 5]) == pytest.approx(zone.norm([3, -2, 5]), rel=1e-5)
+    assert repr(cf.Ellipsoid.from_covariance(COVARIANCE, 3.0)).startswith("Ellipsoid([")
+
+
 def test_enlarged_keeps_the_shape():
     for zone in (cf.Box([2, 4, 8], axes=TURN), cf.Ellipsoid([2, 4, 8], axes=TURN), cf.Sphere(3.0)):
         larger = zone.enlarged(1.25)
