@@ -288,10 +288,10 @@ def answers() -> dict[str, Any]:
     }
     swap = low.orbit, craft, craft[[1, 0, 2]], 200.0, ball
     found["FittedMargin"] = cf.fit_margin(lambda margin: cf.reconfigure(*swap, margin=margin), field, ball)
-    mission = plan_mission(parse(STUDY, "study.toml", "run"))
+    mission = plan_mission(parse(STUDY, "study.toml"))
     errors, locked = (
-        evaluated(parse(STUDY, "study.toml", "study")),
-        evaluated(parse(LOCKS, "locks.toml", "study")),
+        evaluated(parse(STUDY, "study.toml")),
+        evaluated(parse(LOCKS, "locks.toml")),
     )
     return found | {
         "Mission": mission,
@@ -299,8 +299,8 @@ def answers() -> dict[str, Any]:
         **loaded(),
         "WatchedFlight": mission.results[0].after,
         "ErrorCampaign": errors,
-        "SweepCampaign": evaluated(parse(LOCKS + SWEEP, "sweep.toml", "study")),
-        "MissionCampaign": evaluated(parse(MISSIONS, "missions.toml", "study")),
+        "SweepCampaign": evaluated(parse(LOCKS + SWEEP, "sweep.toml")),
+        "MissionCampaign": evaluated(parse(MISSIONS, "missions.toml")),
         "LockCampaign": locked,
-        "GatherCampaign": evaluated(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),
+        "GatherCampaign": evaluated(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml")),
     }

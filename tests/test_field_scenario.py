@@ -215,7 +215,7 @@ MISTAKES = {  # independent mistakes in a study's scenario
 
 def messages_of(text):
     with pytest.raises(ScenarioError) as found:
-        parse(text, "flown.toml", "study")
+        parse(text, "flown.toml")
     return set(found.value.lines)
 
 

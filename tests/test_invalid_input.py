@@ -147,19 +147,6 @@ def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFix
     assert keys == ["orbit.altitude", "craft.keep_out.sphere", "stage[2].craft"]
 
 
-def test_unsupported_features_are_reported_with_the_rest(
-    desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Also for a study, which `run` does not need."""
-    text = LOST.replace('"100 0 0 m"', '"100 0 0"')
-    text = text.replace('"craft.velocity" = { ball = "6 cm/s" }', '"sensor.offset" = { normal = "1 cm" }')
-    (desk / "cluster.toml").write_text(text)
-    keys = ["craft.position[2]"]
-    for command, more in (("check", ['study.vary."sensor.offset"']), ("run", [])):
-        assert main([command, "cluster.toml"]) == 2
-        assert [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()] == keys + more
-
-
 def test_valid_file_is_accepted() -> None:
     for text in (GOOD, LOST):
         scenario = parse(text)

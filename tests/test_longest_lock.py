@@ -52,7 +52,7 @@ def test_latest_lock_of_s04():
     pair = longest.position, longest.velocity
     assert first_lock(turning, *pair, radians(70)) == pytest.approx(longest.time, abs=1e-3)
     text = SCENARIO.format(*(repr(float(one)) for one in np.concatenate(pair)))
-    (stage,) = plan_mission(parse(text, "latest.toml", "run")).results
+    (stage,) = plan_mission(parse(text, "latest.toml")).results
     assert stage.result.locks.time[0] == longest.time
     later = cf.prove_locks(S04, -DRAWN, DRAWN, latest=FOURTH_REGION + 60.0, nodes=120_000)
     assert later.open < 1e-6

@@ -190,7 +190,7 @@ def test_study_of_a_mission_with_a_search(tmp_path, monkeypatch):
 )
 def test_invalid_distributions_are_rejected(old, new, told):
     with pytest.raises(ScenarioError, match=re.escape(told)):
-        evaluated(parse(PASS.replace(old, new), "pass.toml", "study"))
+        evaluated(parse(PASS.replace(old, new), "pass.toml"))
 
 
 def test_optimality_gap_column(missions):

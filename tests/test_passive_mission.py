@@ -364,7 +364,7 @@ def test_departure_from_an_ellipse_is_safe_and_from_rest_is_not():
 @pytest.mark.slow
 def test_stopped_stage_reports_the_direct_path():
     """Integrate the reported failure of the direct path, and ten others that come no closer."""
-    mission = plan_mission(parse(STOPS, "file.toml", "run"))
+    mission = plan_mission(parse(STOPS, "file.toml"))
     assert mission.stopped is not None
     (result,) = mission.results
     direct = result.unplanned
@@ -593,7 +593,7 @@ seed = 1
     )
     entered = 0
     for case in range(5):
-        mission = plan_mission(case_of(parse(text, "file.toml", "study"), case))
+        mission = plan_mission(case_of(parse(text, "file.toml"), case))
         (lost,) = mission.lost
         entered += mission.flights.entered.count
         assert (lost.ratio < 1.0) == (mission.flights.entered.count == 1)

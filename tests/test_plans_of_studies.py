@@ -41,7 +41,7 @@ def plan_inputs(case):
 )
 def test_plan_is_made_once_for_equal_inputs(text, plans, monkeypatch):
     """Rows equal those of single runs bit by bit, in chunks of any order."""
-    scenario, made = parse(text, "plans.toml", "study"), []
+    scenario, made = parse(text, "plans.toml"), []
     runs = [plan_mission(case_of(scenario, case)) for case in range(8)]
     planned = mission_cases.staged
     monkeypatch.setattr(
@@ -99,7 +99,7 @@ def test_number_of_stored_plans_is_bounded():
 
 def test_copies_of_a_study_hold_no_plans():
     """A pickled or copied result gives the same rows."""
-    campaign = evaluated(parse(FAILURES, "plans.toml", "study"), 4)
+    campaign = evaluated(parse(FAILURES, "plans.toml"), 4)
     for twin in (pickle.loads(pickle.dumps(campaign)), copy.deepcopy(campaign)):
         assert campaign.kind.plans.held
         assert not twin.kind.plans.held

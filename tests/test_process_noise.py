@@ -55,7 +55,7 @@ def in_stages(text, *lengths):
 
 
 def scenario_of(text):
-    return parse(text, "coasts.toml", "study")
+    return parse(text, "coasts.toml")
 
 
 def has_covariance(deviations, covariance):
@@ -185,7 +185,7 @@ def test_runs_reproduce_the_cases_of_a_study():
         'pointing = "0.5 deg" }, "exact"]',
         'pointing = "0.5 deg", noise = "1e-7 m^2/s^3" }, { noise = "2e-8 m^2/s^3" }]',
     )
-    scenario = parse(noisy, "near.toml", "study")
+    scenario = parse(noisy, "near.toml")
     campaign = evaluated(scenario, 80)
     entered = campaign.zones[0]
     assert 4 < campaign.counts["zone"].any < 76

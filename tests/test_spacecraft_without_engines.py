@@ -242,7 +242,7 @@ def test_dead_client_in_a_study():
     )
     text = CLIENT.format(craft=DEAD, stage="") + draws
     for case in range(3):
-        mission = plan_mission(case_of(parse(text, command="study"), case))
+        mission = plan_mission(case_of(parse(text), case))
         flight = mission.flights.flight
         drift = _drift(mission.scenario.truth, mission.paths[1], mission.results[1].end)
         assert flight.ends[0, 1] == pytest.approx(drift, abs=1e-3)

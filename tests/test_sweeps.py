@@ -145,7 +145,7 @@ def test_command_writes_a_table_and_a_picture(tmp_path, monkeypatch, capsys, swe
 )
 def test_invalid_sweeps_are_reported(key, values, told):
     with pytest.raises(ScenarioError, match=re.escape(told)) as refused:
-        parse(f'{ROBUST}\n[study.sweep]\n"{key}" = {values}\n', "swept.toml", "study")
+        parse(f'{ROBUST}\n[study.sweep]\n"{key}" = {values}\n', "swept.toml")
     assert len(refused.value.lines) == 1
 
 

@@ -300,7 +300,7 @@ def cases_of(task: Task) -> Cases:
             (Path(folder) / name).parent.mkdir(exist_ok=True)
             (Path(folder) / name).write_bytes(held)
         try:
-            scenario = parse(task.text, str(Path(folder) / task.file), "study")
+            scenario = parse(task.text, str(Path(folder) / task.file))
         except ScenarioError as error:
             lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
             raise ScenarioError(task.file, lines) from None

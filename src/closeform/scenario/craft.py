@@ -72,6 +72,7 @@ Row = Annotated[Vector, Field(strict=False)]
 class KeepOut(Table):
     """Table `keep_out`: the zone around a craft that no other craft may enter."""
 
+    alternatives = (SHAPES,)
     kind: Literal["region", "covariance", "body"] | None = setting(
         '"body"', 'meaning of the zone; by default "covariance" with `covariance`, else "region"'
     )
@@ -121,7 +122,6 @@ class KeepOut(Table):
 
     def inconsistencies(self) -> Iterator[str]:
         """Yield one line per inconsistency among the keys."""
-        yield from self.one_of(*SHAPES)
         rows = np.array(self.axes or np.eye(3))
         if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
             yield "axes are not orthonormal; give three perpendicular rows of length 1"
@@ -456,11 +456,6 @@ class Craft(Engine):
         """Radius of the hard body [m], by default half the diameter of the shade; None without either."""
         return self.hard_body if self.hard_body is not None or self.shade is None else 0.5 * self.shade
 
-    @classmethod
-    def example(cls, key: str) -> Any:
-        value = super().example(key)
-        return value[0] if isinstance(value, list) else value  # of one craft
-
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         given = self.start is not None or self.states is not None
@@ -589,7 +584,9 @@ class Craft(Engine):
 class SensorTable(Table):
     """Table [sensor]: the relative sensor that every craft carries."""
 
-    half_angle: Turn = setting('"70 deg"', "half-angle of the sensor cone, below 180 deg", ...)
+    half_angle: Annotated[float, Reader(ANGLE, least="positive", below="180 deg")] = setting(
+        '"70 deg"', "half-angle of the sensor cone, below 180 deg", ...
+    )
     offset: Deviation = setting(
         '"7.5 m"', "distance of the sensor from the centre of mass, along the boresight", 0.0
     )
@@ -603,10 +600,6 @@ class SensorTable(Table):
     fix_interval: Seconds = setting(
         '"10 s"', "time between the two measurements that give the relative velocity after a lock", 10.0
     )
-
-    def flaws(self) -> Iterator[str]:
-        if self.half_angle >= pi:
-            yield 'half_angle must be below 180 deg; write for example "70 deg"'
 
     def build(self) -> "Sensor":
         """Return the sensor that the table describes."""
@@ -622,7 +615,9 @@ class SearchTable(Table):
 
     method: Literal["basic", "modified"] = setting('"modified"', "search schedule", ...)
     slew_rate: Rate = setting('"0.25 deg/s"', "angular rate of every turn", ...)
-    sun_limit: Turn = setting('"25 deg"', "largest tip angle of the sunshade, below 90 deg", ...)
+    sun_limit: Annotated[float, Reader(ANGLE, least="positive", below="90 deg")] = setting(
+        '"25 deg"', "largest tip angle of the sunshade, below 90 deg", ...
+    )
     in_plane_turn: Turn | None = setting(
         '"1.5 turn"', 'angle of the in-plane search, 1.5 turn by default; method = "basic" only'
     )
@@ -646,8 +641,6 @@ class SearchTable(Table):
         for key in ("in_plane_turn", "tip_angle", "passes", "relaxed"):
             if self.method == "modified" and getattr(self, key) not in (None, False):
                 yield f'{key} requires method = "basic"; remove {key}'
-        if self.sun_limit >= pi / 2.0:
-            yield 'sun_limit must be below 90 deg; write for example "25 deg"'
 
     def build(self, sensor: "Sensor") -> "Search":
         """Return the search that the table describes.

@@ -195,6 +195,7 @@ def as_epoch(value: Any) -> Epoch:
 class Elements(Table):
     """Table `elements`: Keplerian elements of the chief at the epoch."""
 
+    alternatives = ("altitude", "semi_major_axis"), ("latitude", "mean_anomaly", "true_anomaly")
     altitude: Length | None = setting(
         '"550 km"', "semi-major axis minus `radius`, instead of `semi_major_axis`"
     )
@@ -204,18 +205,14 @@ class Elements(Table):
     )
     inclination: Angle = setting('"97.6 deg"', "inclination", ...)
     ascending_node: Angle = setting('"30 deg"', "right ascension of the ascending node", 0.0)
-    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee; with `eccentricity`", 0.0)
+    argument_of_perigee: Angle = setting(
+        '"90 deg"', "argument of perigee; with `eccentricity`", 0.0, only_with="eccentricity"
+    )
     latitude: Angle | None = setting(
         '"10 deg"', "mean argument of latitude; one of this and the two anomalies"
     )
     mean_anomaly: Angle | None = setting('"10 deg"', "mean anomaly")
     true_anomaly: Angle | None = setting('"10 deg"', "true anomaly")
-
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("altitude", "semi_major_axis")
-        yield from self.one_of("latitude", "mean_anomaly", "true_anomaly")
-        if "argument_of_perigee" in self.model_fields_set and not self.eccentricity:
-            yield "argument_of_perigee requires eccentricity; add it, or remove argument_of_perigee"
 
     def state(self, mu: float, radius: float) -> Floats:
         """Return the inertial state (6,) [m, m/s]."""
@@ -238,6 +235,7 @@ class Elements(Table):
 class ChiefTable(Table):
     """Table `chief`: the orbit of the formation's origin."""
 
+    alternatives = (("elements", "state", "oem"),)
     elements: Elements | None = setting(
         '{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }',
         "Keplerian elements at the epoch",
@@ -265,9 +263,6 @@ class ChiefTable(Table):
         "without drag; required with drag",
     )
 
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("elements", "state", "oem")
-
     def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs, model: Model) -> "Chief":
         """Return the chief; raise ValueError for an invalid one, or one too far from a circle for Hill."""
         from closeform.exchange.chief import Chief  # most scenarios do not need it
@@ -290,6 +285,7 @@ class ChiefTable(Table):
 class OrbitTable(Table):
     """Table [orbit]: the circular orbit that the formation's frame follows, or deep space."""
 
+    alternatives = (("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief"),)
     deep_space: Literal[True] | None = setting("true", "no gravity")
     altitude: Length | None = setting('"500 km"', "altitude above `radius`")
     period: Seconds | None = setting('"95 min"', "orbital period")
@@ -332,7 +328,6 @@ class OrbitTable(Table):
     _beside: ChiefOrbit | None = PrivateAttr(None)
 
     def flaws(self) -> Iterator[str]:
-        yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")
         if self.model != "hill" and self.chief is None:
             yield f'model = "{self.model}" needs chief; add it with epoch, or remove model'
         if self.model != "hill" and self.field is not None:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from closeform.scenario.quantity import DURATION, Duration, Reader
+from closeform.scenario.quantity import ANGLE, DURATION, Duration, Reader
 from closeform.scenario.table import (
-    AngleDeviation,
     Length,
     Position,
     Seconds,
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
 Direction = Annotated[Vector, Field(strict=False)]
 Instant = Annotated[Duration, Reader(DURATION, least="zero")]
+Cone = Annotated[float, Reader(ANGLE, least="positive", below="90 deg")]
 ORIGIN = 0.0, 0.0, 0.0
 
 
@@ -39,7 +39,9 @@ class Corridor(Table):
     """Approach corridor at a target: a cone, or with half_angle = "0 deg" a cylinder."""
 
     axis: Direction = setting("[0, -1, 0]", "direction from the target into the corridor", ...)
-    half_angle: AngleDeviation = setting('"10 deg"', "angle between axis and surface", ...)
+    half_angle: Annotated[float, Reader(ANGLE, least="zero", below="90 deg")] = setting(
+        '"10 deg"', "angle between axis and surface", ...
+    )
     radius: Length = setting('"0.5 m"', "radius at the target", ...)
     target: Position = setting('"0 0 0 m"', "position of the target", ORIGIN)
     after: Instant | None = setting('"10 min"', "time after the start of the stage from which it holds")
@@ -48,8 +50,6 @@ class Corridor(Table):
         yield from super().flaws()
         if not any(self.axis):
             yield "axis has no direction; write for example [0, -1, 0]"
-        if not self.half_angle < np.pi / 2.0:
-            yield "half_angle must be below 90 deg; reduce it"
 
     def built(self, start: float, period: float) -> "ApproachCone":
         """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
@@ -116,12 +116,8 @@ class QuietTime(Table):
 class Exhaust(Table):
     """Cone of exhaust in which no other spacecraft may be while the craft fires."""
 
-    half_angle: AngleDeviation = setting('"20 deg"', "angle between axis and edge of the exhaust", ...)
+    half_angle: Cone = setting('"20 deg"', "angle between axis and edge of the exhaust", ...)
     range: Length = setting('"50 m"', "distance from which on the exhaust does no harm", ...)
-
-    def flaws(self) -> Iterator[str]:
-        yield from super().flaws()
-        yield from too_wide(self.half_angle)
 
     def built(self, start: float, period: float) -> "Plume":
         """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
@@ -134,7 +130,7 @@ class Exclusion(Table):
     """Cone of directions into which the craft must not thrust, such as towards the Sun."""
 
     direction: Direction = setting("[-1, 0, 0]", "axis of the cone, in the rotating frame at time 0", ...)
-    half_angle: AngleDeviation = setting('"30 deg"', "angle between axis and surface", ...)
+    half_angle: Cone = setting('"30 deg"', "angle between axis and surface", ...)
     frame: Literal["orbit", "inertial"] = setting(
         '"inertial"', "frame in which the axis is fixed: that of the orbit, or inertial", "orbit"
     )
@@ -145,7 +141,6 @@ class Exclusion(Table):
         yield from super().flaws()
         if not any(self.direction):
             yield "direction is zero; write for example [-1, 0, 0]"
-        yield from too_wide(self.half_angle)
 
     def built(self, start: float, period: float) -> "ThrustExclusion":
         """Return the requirement of a stage that starts at a time [s], in orbits of a `period` [s]."""
@@ -158,12 +153,6 @@ class Exclusion(Table):
             half_angle=self.half_angle,
             rate=-2.0 * np.pi / period if self.frame == "inertial" else 0.0,
         )
-
-
-def too_wide(half_angle: float) -> Iterator[str]:
-    """Yield the flaw of a half-angle that is not between 0 and 90 deg."""
-    if not 0.0 < half_angle < np.pi / 2.0:
-        yield "half_angle must be above 0 deg and below 90 deg; change it"
 
 
 def built_all(stage: Any, start: float, period: float) -> dict[str, Any]:
