@@ -134,25 +134,18 @@ def test_written_file_is_an_oem_to_the_oem_package(tmp_path):
 
 DAMAGE = {
     "empty": (lambda text: "", "empty file"),
-    "blank": (lambda text: " \n\n", "empty file"),
     "not an OEM": (lambda text: "a,b,c\n1,2,3\n", "line 1: not an OEM, which starts with CCSDS_OEM_VERS"),
-    "cut in the header": (lambda text: text[:40], "0 segments"),
     "cut in a state": (lambda text: text[:-20], "line 18: expected an epoch and 6 or 9 numbers, got 4 words"),
-    "no states": (lambda text: HEAD, "has 0 states"),
-    "one state": (lambda text: HEAD + ROWS.splitlines()[0], "has 1 states"),
     "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
-    "infinite": (lambda text: text.replace("75.0", "1e999"), "line 17: a value is not finite"),
     "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
     "epochs fall": (
         lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]),
         "line 17: epochs must increase",
     ),
-    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must increase"),
     "no epoch": (
         lambda text: text.replace("23:59:60.5", "23:59"),
         "line 17: '2016-12-31T23:59' is not a valid epoch",
     ),
-    "no such day": (lambda text: text.replace("2017-01-01T", "2017-02-30T"), "is not a valid epoch"),
     "missing keyword": (
         lambda text: text.replace("REF_FRAME = EME2000\n", ""),
         "keyword REF_FRAME is missing",
@@ -161,14 +154,8 @@ DAMAGE = {
         lambda text: text.replace("META_STOP", "REF_FRAME = TOD\nMETA_STOP"),
         "line 13: keyword REF_FRAME occurs twice",
     ),
-    "unknown time": (lambda text: text.replace("UTC", "MET"), "TIME_SYSTEM MET is not supported"),
-    "wrong span": (
-        lambda text: text.replace("E = 2016-12-31T23:59:50", "E = 2018-01-01T00:00:00"),
-        "has 0 st",
-    ),
     "two segments": (lambda text: text + HEAD[HEAD.index("META_START") :] + ROWS, "has 2 segments"),
     "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "not a complete OEM"),
-    "other XML": (lambda text: "<?xml version='1.0'?>\n<oem version='2.0'/>", "not a complete OEM"),
 }
 
 
@@ -214,17 +201,6 @@ def test_inconsistent_segments_are_refused(tmp_path, change, message):
     assert str(caught.value).startswith(f"{file}: ")
 
 
-def test_absent_and_binary_files(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.oem: cannot be read: No such file"):
-        read_oem(tmp_path / "none.oem")
-    with pytest.raises(ValueError, match="cannot be read"):
-        read_oem(tmp_path)
-    file = tmp_path / "picture.oem"
-    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
-    with pytest.raises(ValueError, match="not a text file"):
-        read_oem(file)
-
-
 @given(data=st.data())
 @settings(max_examples=50, deadline=None)
 def test_random_damage_is_read_or_refused(tmp_path_factory, data):
@@ -257,12 +233,6 @@ print(closeform.exchange.ccsds.oem.read_oem({str(written(tmp_path, GOOD))!r}).ti
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[ 0.  10.5 21. ]\n"
-
-
-def test_importing_the_module_loads_no_heavy_package():
-    code = "import sys, closeform.exchange.ccsds.oem; print({'oem', 'astropy', 'erfa', 'numba', 'lxml'} & set(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout == "set()\n"
 
 
 def test_ephemeris_is_checked_when_made():

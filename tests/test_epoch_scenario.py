@@ -126,20 +126,6 @@ def test_epoch_adds_utc_only(tmp_path, capsys):
     assert [line for line in shown if len(line) > 100 and "results in" not in line] == []
 
 
-def test_wide_tables_omit_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
-    """Wide tables of burns fit 100 columns; the files have UTC."""
-    text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"').replace(
-        "keep_out",
-        'mass = "12 kg"\nmax_thrust = "2 N"\nspecific_impulse = "60 s"\nthrusters = "rtn"\nkeep_out',
-    )
-    monkeypatch.setattr("closeform.cli.console.UNBROKEN", 100)
-    lines, _, tables = run_output(tmp_path, text, capsys)
-    head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
-    assert [line for line in lines if len(line) > 100 and "results in" not in line] == []
-    assert "UTC" not in head
-    assert None not in tables["burns"]["start_utc"]
-
-
 def test_chief_defines_the_orbit(tmp_path, capsys):
     _, plain, plain_tables = run_output(tmp_path, scenario('semi_major_axis = "7000 km"'), capsys)
     lines, figures, tables = run_output(tmp_path, scenario(chief(CIRCLE + ', latitude = "10 deg"')), capsys)
@@ -275,12 +261,6 @@ def test_mission_starts_from_an_exported_ephemeris(tmp_path):
         parse(scenario(gone, start), str(tmp_path / "next.toml"))
 
 
-def test_sampled_case_starts_from_its_own_state(tmp_path):
-    """Studies vary nominal positions, also of inertial starts."""
-    found = parse(scenario(chief(CIRCLE + ', latitude = "10 deg"')))
-    assert found.craft[1].known_at(np.ones(6)).state(found.orbit.build()).tolist()[1] == 25.0
-
-
 @pytest.mark.parametrize("name", ["no.oem", "a" * 5000 + ".oem", "\\u0000", "/", "..", "a\\nb"])
 def test_invalid_file_names(name, tmp_path):
     text = scenario(f'epoch = "2026-11-22T12:00:00Z"\nchief = {{ oem = "{name}" }}')
@@ -289,14 +269,6 @@ def test_invalid_file_names(name, tmp_path):
     (line,) = refused.value.lines
     assert line.isprintable()
     assert line.endswith("; check the path")
-
-
-def test_errors_of_chief_and_spacecraft_are_reported_together():
-    text = scenario('epoch = "2026-11-22T12:00:00Z"\nchief = { oem = "no.oem" }').replace('"20 m"', '"-20 m"')
-    with pytest.raises(ScenarioError) as refused:
-        parse(text, "two.toml")
-    keys = [line.split(": ")[1] for line in refused.value.lines]
-    assert keys == ["craft.keep_out.sphere", "orbit.chief"]
 
 
 def test_endless_drift_has_no_end_time(tmp_path, capsys):

@@ -11,7 +11,6 @@ from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
-from closeform.cli.console import WIDTH
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
@@ -120,14 +119,6 @@ def test_f6_scatters_and_regathers(f6) -> None:
     check_plan(f6, back, home)
     peak = max(flown.after.paths.peak_thrust.max() for flown in f6.results)
     assert 150.0 * peak <= 1.5  # N
-
-
-def test_f6_output_agrees_with_its_results(pictureless, tmp_path, monkeypatch, capsys) -> None:
-    run = run_text((EXAMPLES / "f6_scatter.toml").read_text(), tmp_path, monkeypatch, capsys)
-    assert run.status == 0
-    assert max(map(len, run.printed.splitlines()[:-1])) <= WIDTH
-    check_cost_table(run, 2, "threat")
-    check_cost_table(run, 4, "")
 
 
 def check_cost_table(run: Run, number: int, name: str) -> None:
@@ -244,33 +235,6 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     assert page.split("Active constraints: contacts with keep-out zones</summary>")[1].split("</table>")[
         0
     ].count("<td class") == len(plan.contacts)
-
-
-def test_use_of_limits(pictureless, tmp_path, monkeypatch, capsys) -> None:
-    """Report the greatest share of each limit, of delta-v and propellant over all stages so far."""
-    text = fleet(SPREAD, BACK).replace(
-        'mass = "100 kg"',
-        'mass = "100 kg"\nmax_thrust = "1 N"\nspecific_impulse = "70 s"\npropellant = "1 kg"\n'
-        'delta_v_budget = ["9 m/s", "0.9 m/s", "9 m/s", "9 m/s"]',
-    )
-    mission = plan_mission(parse(text))
-    run = run_text(text, tmp_path, monkeypatch, capsys)
-    thrust = r"^Peak: thrust (\S+) of 1 N \((\S+)\)$"
-    spent = r"^Highest use so far: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
-    peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
-    delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
-    for row, (flown, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
-        left = 100.0 - (burnt[row - 1] if row else 0.0)
-        force = dict(zip(mission.scenario.names, left * flown.after.paths.peak_thrust, strict=True))
-        assert force[who] == pytest.approx(max(force.values()), rel=1e-9)  # two are equal
-        assert float(peak) == pytest.approx(force[who], rel=5e-4)  # four digits
-        assert delta_v[row].argmax() != 1  # F2 has the tightest budget, and spends less than others
-        assert float(total[0]) == pytest.approx(delta_v[row, 1], rel=5e-4)
-        assert float(total[1]) == pytest.approx(1e3 * burnt[row].max(), rel=5e-4)
-        told = run.summary["stages"][row]["limits"]
-        assert told["thrust_N"] == {"craft": who, "used": pytest.approx(force[who]), "limit": 1.0}
-        assert told["delta_v_m_s"] == {"craft": "F2", "used": pytest.approx(delta_v[row, 1]), "limit": 0.9}
-        assert told["propellant_kg"]["used"] == pytest.approx(burnt[row].max())
 
 
 def test_swap_in_deep_space() -> None:
@@ -481,24 +445,6 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
     assert over in run.printed
     check_cost_table(run, 1, "spread")
     assert "propellant [g]" in run.printed
-
-
-def test_output_of_many_spacecraft_is_short(pictureless, tmp_path, monkeypatch, capsys) -> None:
-    names = ", ".join(f'"C{k}"' for k in range(45))
-    run = run_text(fleet(SPREAD, name=f"[{names}]"), tmp_path, monkeypatch, capsys)
-    assert run.status == 0
-    assert len(run.printed.splitlines()) < 40
-    assert "Paths of the plan, all 45 craft" in run.printed
-    assert len(run.summary["stages"][0]["plan"]["craft"]) == 45
-
-
-def test_slots_of_a_start_formation() -> None:
-    """Pearls 100 m apart are centred on the origin, the last one ahead."""
-    scenario = parse(fleet(BACK.replace("regather", "coast").split("\n")[0] + '\nfor = "1 h"'))
-    orbit = scenario.orbit.build()
-    places = np.array([craft.state(orbit) for craft in scenario.craft])
-    np.testing.assert_allclose(places[:, 1], [-150.0, -50.0, 50.0, 150.0])
-    np.testing.assert_allclose(np.delete(places, 1, axis=1), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

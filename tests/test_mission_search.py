@@ -18,8 +18,7 @@ from closeform.cli.app import main
 from closeform.cli.console import WIDTH
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
-from closeform.scenario import load, parse
-from closeform.storage.publishing import folder
+from closeform.scenario import parse
 from lost import BASIC, Sky, gathered
 from scenarios import LOST
 
@@ -427,15 +426,6 @@ def test_each_pair_has_its_own_zone() -> None:
     }
 
 
-def test_long_timeline_is_folded() -> None:
-    mission = plan_mission(load(EXAMPLES / "swarm.toml"))
-    tables = {table.title.split(",")[0]: table for table in RunReport(mission).sections[0].tables}
-    assert tables["Timeline"].folded
-    assert tables["Delta-v of each craft"].folded
-    assert not tables["Progress at the end of each phase with events"].folded
-    assert len(tables["Timeline"].rows) == len(mission.results[0].result.events)
-
-
 def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> None:
     """60 m apart on the sun line no cone meets the other; both burn 24 cm/s backwards (H03 III.C)."""
     text = searched(name='["L1", "L2"]', group='["A", "B"]', position='["0 0 0 m", "0 0 60 m"]')
@@ -451,27 +441,3 @@ def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> N
     ).groups()
     assert float(near) == pytest.approx(81.0, abs=0.5)  # H03: about 80 m
     assert float(wait) == pytest.approx(float(near) / 0.12, abs=0.5)
-
-
-def test_progress_messages(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("closeform.report.sections.searches.FRAMES", 2)
-    monkeypatch.setattr("closeform.report.sections.searches.MOMENTS", 1)
-    said: list[str] = []
-    mission = plan_mission(parse(searched(position=PLACES, velocity=MOVING)), said.append)
-    with folder(tmp_path / "results") as under_way:
-        RunReport(mission).write(under_way, said.append)
-    assert said[0] == "stage 1 of 1: gather"
-    frames = [text.split()[-3:] for text in said if text.startswith("animation: picture")]
-    assert [int(done) for done, _, _ in frames] == list(range(1, len(frames) + 1))
-    assert {int(frames_in_all) for _, _, frames_in_all in frames} == {len(frames)}
-    assert said[-1].startswith("picture 2 of 2")
-
-
-def test_tpf_states_tool_accepts_its_states() -> None:
-    """tools/tpf_states.py: the four locks are within a second of the times of H03."""
-    tool = runpy.run_path(str(TOOLS / "tpf_states.py"))
-    places, speeds = states(EXAMPLES / "tpf.toml")
-    five = np.concatenate([places, speeds], axis=1)
-    assert tool["score"](five) < 1.0
-    assert tool["fits"](five[1:] - five[:1]).all()
-    assert tool["score"](five[[0, 3, 2, 1, 4]]) == np.inf  # the same craft, but TPF4 is found first
