@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -38,43 +37,9 @@ from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
-from test_gathering_burn_errors import LOST
+from studies import EXAMPLES, GATHERING, H03, LOST, NARROW, S04, as_words
 
 pytestmark = pytest.mark.usefixtures("undrawn")
-
-EXAMPLES = Path(__file__).parents[1] / "examples"
-S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
-
-# Three spacecraft with sensors too narrow for their tips: some pairs never lock.
-NARROW = """\
-closeform = 1
-title = "Narrow"
-[orbit]
-deep_space = true
-[craft]
-name = ["P", "Q", "R"]
-group = ["A", "B", "A"]
-position = ["0 0 0 m", "0 0 0 m", "10 0 0 m"]
-velocity = "0 0 0 m/s"
-[sensor]
-half_angle = "20 deg"
-offset = "1 m"
-range = "900 m"
-[search]
-method = "basic"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-[[stage]]
-do = "lock"
-[study]
-cases = 300
-seed = 7
-sampled = ["60 s"]
-[study.vary]
-"craft.velocity" = { normal = "5 cm/s" }
-"craft.position" = { shell = ["50 m", "200 m"] }
-"""
-GATHERING = NARROW.replace('do = "lock"', 'do = "gather"').replace('sampled = ["60 s"]\n', "")
 
 
 @pytest.fixture(scope="module")
@@ -311,14 +276,6 @@ def test_lock_time_of_a_case_is_that_of_its_last_pair(tmp_path) -> None:
     assert 0 < len(campaign.failed) < 200
     assert sum(share.cases for share in campaign.shares) == 200  # failures stay in the denominator
     assert campaign.shares[-1].inside.share == len(campaign.failed) / 200
-
-
-def as_words(command: str) -> list[str]:
-    """Return the words of a command as a shell splits them."""
-    told = subprocess.run(
-        ["sh", "-c", f"printf '%s\\n' {command}"], capture_output=True, text=True, check=True
-    )
-    return told.stdout.splitlines()
 
 
 @pytest.mark.parametrize("file", ["narrow.toml", "two words.toml", "it's $HOME.toml"])

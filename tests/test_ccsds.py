@@ -14,49 +14,17 @@ from oem import OrbitEphemerisMessage
 
 from closeform.exchange.ccsds.oem import read_oem, read_oem_segments, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.ephemerides.ephemeris import Ephemeris
-from closeform.motion.elements.elements import elements_from_inertial, inertial_from_elements
+from closeform.motion.elements.elements import elements_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_MU
+from orbit_files import GOOD, HEAD, ROWS, circular
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
-
-HEAD = """CCSDS_OEM_VERS = 2.0
-CREATION_DATE = 2026-01-01T00:00:00
-ORIGINATOR = TEST
-
-META_START
-OBJECT_NAME = DEPUTY
-OBJECT_ID = 2000-001B
-CENTER_NAME = EARTH
-REF_FRAME = EME2000
-TIME_SYSTEM = UTC
-START_TIME = 2016-12-31T23:59:50
-STOP_TIME = 2017-01-01T00:00:10
-META_STOP
-
-COMMENT across the leap second of 2016
-"""
-ROWS = """2016-12-31T23:59:50 7000.0 0.0 0.0 0.0 7.5 0.0
-2016-12-31T23:59:60.5 7000.0 75.0 0.0 0.0 7.5 0.0
-2017-01-01T00:00:10 7000.0 150.0 1.5e-3 0.0 7.5 -1.25
-"""
-GOOD = HEAD + ROWS
 
 
 def written(folder, text):
     file = folder / "case.oem"
     file.write_text(text)
     return file
-
-
-def circular(name="CHIEF", ahead=0.0, times=None, **changes):
-    times = np.arange(0.0, 600.0, 10.0) if times is None else np.asarray(times, dtype=float)
-    elements = np.tile([7e6, 0.0, 0.0, 0.0, 1.0, 0.2], (len(times), 1))
-    elements[:, 1] = ahead + 1.078007e-3 * times
-    states = inertial_from_elements(elements)
-    fields = {"object_id": "2000-001A", "center": "EARTH", "frame": "GCRF", "time_system": "TAI"}
-    fields |= {"epoch": "2020-01-01T00:00:00"} | changes
-    return Ephemeris(name=name, times=times, states=states, **fields)
 
 
 def test_reads_si_units_and_counts_the_leap_second(tmp_path):

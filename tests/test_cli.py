@@ -22,9 +22,9 @@ from closeform.cli.console import WIDTH
 from closeform.scenario import load
 from closeform.storage.publishing import folder
 from closeform.storage.result_folder import FolderError
+from orbit_files import contents, oem
 from pages import assert_linked
 from scenarios import GOOD
-from test_invalid_input import contents, oem
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

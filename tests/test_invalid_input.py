@@ -12,40 +12,10 @@ from hypothesis import strategies as st
 import closeform as cf
 from closeform.cli.app import main
 from closeform.scenario import Scenario, ScenarioError, parse
+from orbit_files import contents, oem
 from scenarios import GOOD, LOST
 
 ROOT = Path(__file__).parents[1]
-
-OEM = """\
-CCSDS_OEM_VERS = 2.0
-CREATION_DATE = 2026-01-01T00:00:00
-ORIGINATOR = TEST
-META_START
-OBJECT_NAME = {name}
-OBJECT_ID = 2026-001{name}
-CENTER_NAME = EARTH
-REF_FRAME = EME2000
-TIME_SYSTEM = UTC
-START_TIME = 2026-01-01T{hour}:00:00
-STOP_TIME = 2026-01-01T{hour}:10:00
-META_STOP
-"""
-
-
-def oem(name: str, ahead: float, hour: str = "00") -> str:
-    """Return ten minutes of a circular orbit at 7000 km, `ahead` [rad], with a state each minute."""
-    rate, radius = np.sqrt(398600.4418 / 7000.0**3), 7000.0
-    lines = []
-    for minute in range(11):
-        c, s = np.cos(60 * minute * rate + ahead), np.sin(60 * minute * rate + ahead)
-        state = [radius * c, radius * s, 0.0, -radius * rate * s, radius * rate * c, 0.0]
-        lines.append(f"2026-01-01T{hour}:{minute:02d}:00 " + " ".join(f"{value:.9f}" for value in state))
-    return OEM.format(name=name, hour=hour) + "\n".join(lines) + "\n"
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Return every file below a folder."""
-    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
 
 
 # mistake: valid text, replacement, key, a word of the remedy

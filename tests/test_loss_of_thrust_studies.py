@@ -12,18 +12,7 @@ from closeform.campaign.draws import failing
 from closeform.mission.mission import plan_mission
 from closeform.report.run import requirements
 from closeform.scenario import ScenarioError, parse
-from test_sampled_errors import TWICE
-
-FAILS = re.sub(r"(covariance|execution|draws) = .*\n", "", TWICE).replace(
-    "[study.vary]\n",
-    '[study.vary]\n"craft.fails" = { chance = 0.5 }\n"craft.velocity" = { ball = "1 cm/s" }\n',
-)
-STATION = FAILS  # B coasts all along
-FAILS = FAILS.replace(
-    'do = "coast"\nfor = "1 min"\n',
-    'do = "transfer"\ncraft = "B"\nwithin = "0.1 orbits"\n'
-    'to = { position = "0 0 5 m", velocity = "0 0 0 m/s" }\n',
-)
+from studies import FAILS, STATION, TWICE
 
 
 @pytest.fixture(scope="module")

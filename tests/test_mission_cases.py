@@ -21,41 +21,8 @@ from closeform.viewer import replays
 from closeform.viewer.scene import scene_of
 from closeform.viewer.shown import Shown
 from philox import block
+from studies import PASS
 
-PASS = """\
-closeform = 1
-title = "Past a station that is not where it should be"
-
-[orbit]
-altitude = "500 km"
-
-[craft]
-name = ["A", "B", "C"]
-position = ["0 -200 0 m", "0 0 0 m", "10 400 0 m"]
-velocity = "0 0 0 m/s"
-keep_out = { sphere = "25 m" }
-mass = "100 kg"
-max_thrust = "1 N"
-
-[[stage]]
-do = "coast"
-for = "2 min"
-
-[[stage]]
-do = "avoid"
-craft = "A"
-to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
-within = "0.3 orbits"
-
-[study]
-cases = 24
-seed = 11
-
-[study.vary]
-"craft.position" = { normal = "8 m" }
-"craft.velocity" = { ball = "5 mm/s" }
-"craft.mass" = { uniform = "20 kg" }
-"""
 # B and C are sampled around the goal of A, which is unreachable in some cases.
 BLOCKED = PASS.replace('"0 0 0 m", "10 400 0 m"', '"0 200 0 m", "0 250 0 m"').replace(
     '"craft.position" = { normal = "8 m" }', '"craft.position" = { uniform = "60 m" }'

@@ -10,17 +10,14 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from bridge import hill
-from closeform.cli.console import WIDTH
 from closeform.fuel.bound import least_delta_v
 from closeform.mission.mission import plan_mission
 from closeform.motion.path import ends_of
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, parse
-from test_mission_search import Run, run_text
+from runs import G0, N, Run, plain
 
-N = np.sqrt(398600.4418e9 / 6878137.0**3)  # rad/s at 500 km, Kepler
 TURN = 2 * np.pi / N
-G0 = 9.80665
 MILLIMETRE = 1e-3
 
 ALONE = """\
@@ -73,20 +70,6 @@ to = { position = "0 8 80 m", velocity = "0 0 0 m/s" }
 within = "0.2 orbits"
 STAGE
 """
-
-
-@pytest.fixture(autouse=True)
-def pictureless(monkeypatch):
-    """Skip pictures, which have tests of their own."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-
-
-@pytest.fixture
-def ran(tmp_path, monkeypatch, capsys):
-    def run(text: str) -> Run:
-        return run_text(text, tmp_path, monkeypatch, capsys)
-
-    return run
 
 
 def alone(keys: str = "", **changes: str) -> str:
@@ -152,17 +135,6 @@ def check_sums(run: Run, craft: str, mass: float = 12.0, impulse: float = 60.0) 
     assert sum(burn["propellant_kg"] for burn in burns) == pytest.approx(kilograms, rel=1e-6)
     assert run.summary["propellant_kg"][craft] == pytest.approx(kilograms, rel=1e-9)
     assert run.summary["delta_v_m_s"][craft] == pytest.approx(spent, rel=1e-9)
-
-
-def plain(run: Run) -> None:
-    """Check that the output has no inf or nan and fits the terminal."""
-    page = re.sub(r'src="data:[^"]*"', "", (run.folder / "report.html").read_text())
-    for text in (run.printed, page):
-        assert not re.search(r"\b(inf|nan)\b", text)
-    lines = [
-        line for line in run.printed.splitlines() if "stopped in" not in line and "results in" not in line
-    ]
-    assert all(len(line) <= WIDTH for line in lines)
 
 
 def test_listed_impulses_reach_the_goal(ran):

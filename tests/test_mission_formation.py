@@ -15,7 +15,7 @@ from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from resimulated import faults
-from test_mission_search import Run, run_text
+from runs import Run, run_text
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

@@ -1,15 +1,12 @@
 """Search stages in missions: output and results against independent models."""
 
-import json
 import re
 import runpy
 import tomllib
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet
 import pytest
 
 import closeform as cf
@@ -20,7 +17,7 @@ from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from lost import BASIC, Sky, gathered
-from scenarios import LOST
+from runs import AFTER, FIRST, MOVING, PLACES, Run, run_text, searched
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -28,20 +25,6 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 TOOLS = EXAMPLES.parent / "tools"
 RATE = np.radians(0.25)
 DIGITS = 0.51  # of the last digit printed
-
-
-@dataclass
-class Run:
-    status: int
-    printed: str
-    folder: Path
-
-    def table(self, name: str) -> list[dict]:
-        return pyarrow.parquet.read_table(self.folder / f"{name}.parquet").to_pylist()
-
-    @property
-    def summary(self) -> dict:
-        return json.loads((self.folder / "summary.json").read_text())
 
 
 @pytest.fixture(scope="module")
@@ -70,14 +53,6 @@ def two_apart(stage: str) -> str:
         half_angle='"70 deg"\nrange = "500 m"',
     )
     return text.replace('do = "gather"\nrounds = 2', stage)
-
-
-def run_text(text: str, tmp_path: Path, monkeypatch, capsys, *, pictures: bool = False) -> Run:
-    if not pictures:
-        monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-    (tmp_path / "case.toml").write_text(text)
-    status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
-    return Run(status, capsys.readouterr().out, tmp_path / "results")
 
 
 def states(file: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -261,33 +236,6 @@ def test_incomplete_gathering_of_a_swarm(fly_file, monkeypatch, capsys) -> None:
     (flown,) = plan_mission(parse(text)).results
     assert len(flown.result.sets[0]) < len(figures["sets"][0])
     assert sum(flown.result.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
-
-
-AFTER = """
-[[stage]]
-do = "coast"
-for = "100 s"
-"""
-FIRST = """
-[[stage]]
-name = "drift"
-do = "coast"
-for = "10 s"
-"""
-
-
-def searched(before: str = "", after: str = "", keep_out: str = '{ sphere = "10 m" }', **changes: str) -> str:
-    """Return the scenario LOST without its study, with stages around its gathering."""
-    text = LOST.split("\n[study]")[0].replace("\n[[stage]]", f"{before}\n[[stage]]", 1) + after
-    text = text.replace("[craft]", f"[craft]\nkeep_out = {keep_out}")
-    for key, new in changes.items():
-        assert len(re.findall(rf"^{key} = .*$", text, re.MULTILINE)) == 1
-        text = re.sub(rf"^{key} = .*$", f"{key} = {new}", text, flags=re.MULTILINE)
-    return text
-
-
-PLACES = '["0 0 0 m", "-100 0 0 m", "0 90 200 m"]'  # not in view of each other
-MOVING = '["0 0 0 cm/s", "1 2 3 cm/s", "-2 1 -4 cm/s"]'
 
 
 def test_gathering_starts_at_the_end_of_the_previous_stage() -> None:

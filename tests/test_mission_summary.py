@@ -12,7 +12,7 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import parse
-from test_verdict import LOST
+from verdicts import LOST
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 G0 = 9.80665

@@ -16,7 +16,7 @@ from closeform.exchange.ephemerides.covariance import Covariances, axes, inertia
 from closeform.exchange.ephemerides.propagated_covariance import covariance_at
 from closeform.motion.elements.frames import relative_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_MU
-from test_ccsds import GOOD, circular
+from orbit_files import GOOD, circular
 
 # Made with random numbers: a square root times its transpose, eight digits as in the standard's example.
 ROWS = """\

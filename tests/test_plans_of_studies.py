@@ -12,9 +12,7 @@ from closeform.campaign import case_of, evaluated, mission_cases
 from closeform.campaign.mission_cases import MOST_PLANS, Plans
 from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
-from test_loss_of_thrust_studies import FAILS
-from test_sampled_errors import TWICE
-from test_simulated_studies import MANY
+from studies import FAILS, MANY, TWICE
 
 STARTS = '"craft.position" = { normal = "1 m" }\n'
 LIMITS = '"craft.max_acceleration" = { choice = ["5 mm/s^2", "9 mm/s^2"] }\n'

@@ -13,52 +13,8 @@ from closeform.mission.mission import plan_mission
 from closeform.report.sections import uncertain
 from closeform.scenario import parse
 from philox import block
+from studies import NEAR, TWICE
 
-TWICE = """\
-closeform = 1
-title = "Past a station and back"
-
-[orbit]
-altitude = "500 km"
-
-[craft]
-name = ["A", "B"]
-position = ["0 -200 0 m", "0 0 0 m"]
-velocity = "0 0 0 m/s"
-keep_out = { sphere = "25 m" }
-mass = "100 kg"
-max_thrust = "1 N"
-covariance = [{ position = "1 2 1 m", velocity = "1 1 1 mm/s" }, { position = "1 1 1 m" }]
-execution = [{ magnitude = "1 %", pointing = "0.5 deg" }, "exact"]
-
-[[stage]]
-do = "avoid"
-craft = "A"
-to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
-within = "0.3 orbits"
-cost = "delta-v"
-
-[[stage]]
-do = "coast"
-for = "1 min"
-
-[[stage]]
-do = "avoid"
-craft = "A"
-to = { position = "0 -200 0 m", velocity = "0 0 0 m/s" }
-within = "0.4 orbits"
-
-[study]
-cases = 6
-seed = 3
-draws = "replanned"
-
-[study.vary]
-"craft.mass" = { uniform = "20 kg" }
-"""
-NEAR = TWICE.replace(
-    'draws = "replanned"\n\n[study.vary]\n"craft.mass" = { uniform = "20 kg" }', 'draws = "errors"'
-)
 IMPULSES = TWICE.replace('max_thrust = "1 N"\n', "")
 
 

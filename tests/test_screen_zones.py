@@ -10,7 +10,7 @@ import pytest
 from closeform.cli.app import main
 from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from test_invalid_input import oem
+from orbit_files import oem
 
 ZONES = """\
 [craft]

@@ -20,29 +20,10 @@ from closeform.report.mission_study import missions_report
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
 from philox import block, words
+from studies import COAST, ERRORS, FLIGHT, MANY, STUDY
 from test_field import axes_of, textbook
 
-ERRORS = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
-FLIGHT = "\n[simulation]\nseeds = {seeds}\n"
-COAST = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
 pytestmark = pytest.mark.usefixtures("unpainted")
-STUDY = """
-[study]
-cases = 20
-seed = 7
-
-[study.vary]
-"craft.position" = { normal = "1 m" }
-"craft.ballistic" = { uniform = "0.005 m^2/kg" }
-"orbit.field.density" = { uniform = "4e-13 kg/m^3" }
-"navigation.position" = { uniform = "5 cm" }
-"feedback.delay" = { choice = ["0 s", "20 s"] }
-"""
-MANY = swap(
-    **IN_AIR,
-    craft='ballistic = ["0.02 m^2/kg", "0.022 m^2/kg"]\nthrust_error = "1 %, 1 deg"',
-    more=COAST + ERRORS + '\n[feedback]\nevery = "60 s"\n' + FLIGHT.format(seeds=100) + STUDY,
-)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from closeform.mission.mission import plan_mission
 from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import ScenarioError, parse
 from field_scenario import swap
-from test_mission_delta_v import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
+from runs import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
 
 TWO_ENGINES = """\
 closeform = 1

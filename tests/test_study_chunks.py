@@ -19,7 +19,7 @@ from closeform.campaign.spread import Spread, order_statistics
 from closeform.cli.app import main
 from closeform.scenario import ScenarioError, load, parse
 from closeform.search.lock_statistics import TimeHistogram
-from test_campaign import EXAMPLES, GATHERING, NARROW, S04
+from studies import EXAMPLES, GATHERING, NARROW, S04
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -15,8 +15,7 @@ from closeform.cli.app import main
 from closeform.report.mission_study import sweep_report
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.study import points
-from test_campaign import as_words
-from test_mission_cases import PASS
+from studies import PASS, as_words
 
 ROBUST = (Path(__file__).parents[1] / "examples" / "robustness.toml").read_text()
 SWEEP = """

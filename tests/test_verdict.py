@@ -17,6 +17,7 @@ from closeform.mission.mission import plan_mission
 from closeform.mission.verdict import conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from verdicts import LOST
 
 G0 = 9.80665
 REST = 'velocity = "0 0 0 m/s"'
@@ -334,44 +335,6 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
 
 
 # studies: the share of cases whose run has status 0
-
-LOST = """\
-closeform = 1
-title = "Lost"
-
-[orbit]
-deep_space = true
-
-[craft]
-name = ["L1", "L2", "L3"]
-group = ["A", "B", "A"]
-position = "0 0 0 m"
-velocity = "0 0 0 m/s"
-mass = "100 kg"
-specific_impulse = "60 s"
-propellant = "14 g"
-delta_v_budget = "8 cm/s"
-keep_out = { sphere = "20 m" }
-
-[sensor]
-half_angle = "70 deg"
-
-[search]
-method = "modified"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-
-[[stage]]
-do = "gather"
-
-[study]
-cases = 120
-seed = 3
-
-[study.vary]
-"craft.position" = { ball = "60 m" }
-"craft.velocity" = { ball = "6 cm/s" }
-"""
 
 
 def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
