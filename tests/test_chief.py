@@ -167,13 +167,8 @@ def test_chief_pickles(grace):
     [
         ({"epoch": "noon"}, "epoch: 'noon' is not a valid epoch; write it in the form"),
         ({"time_system": "UT1"}, "epoch: TIME_SYSTEM UT1 requires tables of the Earth's rotation"),
-        ({"epoch": 5}, "epoch: expected str, got 5"),
         ({"frame": "ITRF"}, "frame: 'ITRF' rotates or is unknown; convert to one of EME2000"),
-        ({"state": [1, 2, 3]}, r"state: expected shape \(6,\), got \(3,\)"),
         ({"state": [7e6, 0, 0, 0, 12e3, 0]}, "state: the orbit must be an ellipse"),
-        ({"state": [7e6, 0, 0, 0, np.nan, 0]}, "state: every number must be finite"),
-        ({"mu": -1.0}, "mu: must be positive"),
-        ({"ephemeris": "file"}, "ephemeris: expected Ephemeris"),
     ],
 )
 def test_invalid_chief(changes, message):

@@ -95,19 +95,9 @@ def test_memory_layout_of_axes_does_not_matter():
 
 
 BAD = {
-    "two half-widths": (lambda: cf.Box([1, 2]), r"half_widths: expected shape \(3,\), got \(2,\)"),
     "zero": (lambda: cf.Box([1, 2, 0]), "half_widths: must be positive and finite"),
-    "nan": (lambda: cf.Box([1, 2, np.nan]), "half_widths: must be positive and finite"),
-    "negative": (lambda: cf.Ellipsoid([1, 2, -3]), "semi_axes: must be positive"),
     "axes": (lambda: cf.Box([1, 2, 3], axes=np.ones((3, 3))), "axes: expected three orthonormal rows"),
-    "axes shape": (lambda: cf.Ellipsoid([1, 2, 3], axes=[1, 0, 0]), "axes: expected three orthonormal"),
-    "axes nan": (
-        lambda: cf.Box([1, 2, 3], axes=np.full((3, 3), np.nan)),
-        "axes: every number must be finite",
-    ),
     "no radius": (lambda: cf.Sphere(0.0), "radius: must be positive and finite"),
-    "radius inf": (lambda: cf.Sphere(np.inf), "radius: must be positive and finite"),
-    "radii": (lambda: cf.Sphere([1.0, 2.0]), r"radius: expected shape \(\), got \(2,\)"),
     "asymmetric": (
         lambda: cf.Ellipsoid.from_covariance([[1, 1, 0], [0, 1, 0], [0, 0, 1]], 1.0),
         "covariance: expected a finite symmetric",
@@ -116,12 +106,6 @@ BAD = {
         lambda: cf.Ellipsoid.from_covariance(np.diag([1, 1, -1]), 1.0),
         "covariance: must be positive definite, its smallest variance is -1",
     ),
-    "singular": (lambda: cf.Ellipsoid.from_covariance(np.diag([1, 1, 0]), 1.0), "covariance: must be"),
-    "covariance nan": (
-        lambda: cf.Ellipsoid.from_covariance(np.eye(3) * np.nan, 1.0),
-        "covariance: every number must be finite",
-    ),
-    "sigmas": (lambda: cf.Ellipsoid.from_covariance(np.eye(3), 0.0), "sigmas: must be positive and finite"),
 }
 
 
