@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
-import pytest
 
 from closeform.cli.app import main
 from closeform.cli.console import WIDTH
@@ -71,20 +70,6 @@ N = np.sqrt(398600.4418e9 / 6878137.0**3)  # rad/s at 500 km, Kepler
 
 
 G0 = 9.80665
-
-
-@pytest.fixture(autouse=True)
-def pictureless(monkeypatch):
-    """Skip pictures, which have tests of their own."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-
-
-@pytest.fixture
-def ran(tmp_path, monkeypatch, capsys):
-    def run(text: str) -> Run:
-        return run_text(text, tmp_path, monkeypatch, capsys)
-
-    return run
 
 
 def plain(run: Run) -> None:

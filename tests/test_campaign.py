@@ -479,7 +479,7 @@ def test_error_messages_of_study_commands(tmp_path, monkeypatch, capsys) -> None
             "a half-angle of 67.0902 deg is sufficient",
         ),
         ('"A", "B", "A"', '"A", "A", "A"', "craft.group: group B is empty, "),
-        ('["60 s"]', '["1 ms"]', "study: sampled has a step below 0.01 s; "),
+        ('["60 s"]', '["1 ms"]', 'study.sampled[1]: "1 ms" is below 0.01 s; '),
         ("[study.vary]", '[study.published]\nnever = "%s"\n[study.vary]' % ("5" * 21), "study: published "),
     ],
 )

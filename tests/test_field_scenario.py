@@ -201,7 +201,6 @@ MISTAKES = {  # independent mistakes within tables
     '"1 %, 1 deg"': '"1 %"',
     "max_acceleration": "max_accelerate",
     "seeds = 100": "seeds = 0",
-    '"look"': '"change sides"',
 }
 
 

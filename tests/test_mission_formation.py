@@ -39,12 +39,6 @@ keep_out = { sphere = "20 m" }
 """
 
 
-@pytest.fixture
-def pictureless(monkeypatch):
-    """Omit pictures, which have tests of their own."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-
-
 def fleet(*stages: str, text: str = FLEET, **changes: str) -> str:
     for key, new in changes.items():
         assert len(re.findall(rf"^{key} = .*$", text, re.MULTILINE)) == 1
@@ -383,7 +377,7 @@ def test_low_thrust_extends_the_duration() -> None:
     assert "Tried: " in told
 
 
-def test_low_thrust_without_extension_stops_the_mission(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_low_thrust_without_extension_stops_the_mission(undrawn, tmp_path, monkeypatch, capsys) -> None:
     quick = SPREAD.replace("0.5 orbits", "0.05 orbits")
     run = run_text(
         weak(f"{quick}\nif_blocked = []", 'do = "coast"\nfor = "1 min"'), tmp_path, monkeypatch, capsys
@@ -399,7 +393,7 @@ def test_low_thrust_without_extension_stops_the_mission(pictureless, tmp_path, m
     assert run.summary["warnings"] == []  # they are not used
 
 
-def test_end_inside_a_zone_is_rejected_by_name(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_end_inside_a_zone_is_rejected_by_name(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """F4 coasts at 150 m; F1 requests 140 m, at half the keep-out radius."""
     stage = 'do = "reconfigure"\ncraft = ["F1"]\nwithin = "1 h"\n'
     stage += 'to = [{ position = "0 140 0 m", velocity = "0 0 0 m/s" }]'
@@ -414,7 +408,7 @@ def test_end_inside_a_zone_is_rejected_by_name(pictureless, tmp_path, monkeypatc
     assert run.printed.count("0.50 x zone") == 1  # in the verdict only
 
 
-def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_propellant_and_its_warnings(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """Integrate the mass flow -F/(g Isp) of every stage; F2 has too little propellant."""
     text = fleet(SPREAD, BACK).replace(
         'mass = "100 kg"',
@@ -530,7 +524,7 @@ if_blocked = ["stagger", "more sides"]
 
 
 @pytest.mark.slow
-def test_missing_plan_names_the_obstacle_and_the_measures(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_missing_plan_names_the_obstacle_and_the_measures(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """Four obstacles 60.6 m away with 59 m zones leave no gap."""
     run = run_text(CAGED, tmp_path, monkeypatch, capsys)
     assert run.status == 1
@@ -548,7 +542,7 @@ def test_missing_plan_names_the_obstacle_and_the_measures(pictureless, tmp_path,
     assert run.printed.count("Tried: ") == len(plan["measures"])
 
 
-def test_engine_too_weak_for_any_duration(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_engine_too_weak_for_any_duration(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """1e-9 uN for 100 kg: the message gives the need at the longest duration tried."""
     run = run_text(weak(SPREAD, thrust='"1e-9 uN"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1

@@ -49,13 +49,8 @@ within = "2000 s"
 SPENT = np.array([3 * 200 / 1000 + 3 * 200 / 2000, 3 * 100 / 2000])
 
 
-@pytest.fixture
-def pictureless(monkeypatch) -> None:
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-
-
 def test_delta_v_propellant_and_thrust_used_by_each_spacecraft(
-    pictureless, tmp_path, monkeypatch, capsys
+    undrawn, tmp_path, monkeypatch, capsys
 ) -> None:
     """By hand: 3 L / T of delta-v from rest to rest, the rocket equation, 6 L / T^2 of thrust."""
     monkeypatch.chdir(tmp_path)
