@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import dataclass
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,16 @@ def run_text(text: str, tmp_path: Path, monkeypatch, capsys, *, pictures: bool =
     (tmp_path / "case.toml").write_text(text)
     status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
     return Run(status, capsys.readouterr().out, tmp_path / "results")
+
+
+def outputs(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
+    """Return the status, output, summary and page of a run without pictures."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
+    Path("file.toml").write_text(text)
+    status = main(["run", "file.toml", "--overwrite"])
+    page = unescape(Path("file-results/report.html").read_text())
+    return status, capsys.readouterr().out, json.loads(Path("file-results/summary.json").read_text()), page
 
 
 AFTER = """

@@ -17,7 +17,10 @@ from closeform.mission.mission import plan_mission
 from closeform.mission.verdict import conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from runs import outputs
 from verdicts import LOST
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 G0 = 9.80665
 REST = 'velocity = "0 0 0 m/s"'
@@ -52,16 +55,6 @@ def passing(limits: str, stage: str = "", text: str = TWO) -> str:
     return text.replace("LIMITS", limits) + stage
 
 
-def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
-    """Return the status, output, summary and page of a run without pictures."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-    Path("file.toml").write_text(text)
-    status = main(["run", "file.toml", "--overwrite"])
-    page = unescape(Path("file-results/report.html").read_text())
-    return status, capsys.readouterr().out, json.loads(Path("file-results/summary.json").read_text()), page
-
-
 @pytest.mark.parametrize(
     ("limits", "words", "what", "unit"),
     [
@@ -73,7 +66,7 @@ def test_plan_beyond_budget_and_propellant(
     limits: str, words: str, what: str, unit: str, tmp_path, monkeypatch, capsys
 ) -> None:
     """Clear but beyond a limit: status 1, and spacecraft and limit are named."""
-    status, printed, summary, page = run(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
     assert status == 1
     last = printed.splitlines()[-1]
     assert last == f"limits are not kept: {words}; results in file-results"
@@ -97,7 +90,9 @@ FELLOW = """meanwhile = [{ craft = "B", to = { position = "0 0 500 m", velocity 
 
 def test_other_spacecraft_beyond_its_thrust_limit(tmp_path, monkeypatch, capsys) -> None:
     """B's own transfer over 500 m needs 6 L / T^2."""
-    status, printed, summary, _ = run(passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys)
+    status, printed, summary, _ = outputs(
+        passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys
+    )
     assert status == 1
     assert printed.splitlines()[-1] == "limits are not kept: thrust (B); results in file-results"
     (over,) = summary["exceeded"]
@@ -257,7 +252,7 @@ FORCE = 0.1  # N, of the 0.12 that the direct path needs
 
 def test_stage_reports_its_extended_duration(tmp_path, monkeypatch, capsys) -> None:
     text = passing(f'max_thrust = "{FORCE} N"', FELLOW.replace("500 m", "-20 m"))
-    status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(text, tmp_path, monkeypatch, capsys)
     assert status == 1  # as it is later than asked
     change = summary["stages"][0]["change"]
     assert change["around"]["peak_thrust_N"] <= FORCE * (1.0 + 1e-9)
@@ -297,9 +292,8 @@ def test_coasting_spacecraft_reaches_its_natural_end() -> None:
     ids=["avoid", "reconfigure"],
 )
 def test_weak_engine_is_reported_in_newtons(stage: str, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(f'max_thrust = "{FORCE} N"', stage, TWO[: TWO.index("[[stage]]")])
-    status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(text, tmp_path, monkeypatch, capsys)
     assert status == 1
     for words in (" ".join(printed.split()), page, summary["verdict"]):
         need, limit = re.search(r"A needs (\S+) N in 1000 s, its max_thrust is (\S+) N; ", words).groups()
@@ -317,9 +311,8 @@ ENGINE = 'specific_impulse = "60 s"'
 
 def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -> None:
     """By the rocket equation from the delta-v that is printed beside it, with the mass that is left."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(ENGINE, FELLOW.replace("500 m", "-50 m") + MOVE.format("0 -100 3 m"))
-    status, printed, summary, _ = run(text, tmp_path, monkeypatch, capsys)
+    status, printed, summary, _ = outputs(text, tmp_path, monkeypatch, capsys)
     assert status == 0
     assert printed.count("propellant [g]") == 4  # change made, meanwhile, paths of the plan, in all
     mass = 100.0
@@ -340,7 +333,6 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
 def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
     """Of each craft that burns and of all, by the rocket equation from its delta-v."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("lost.toml").write_text(LOST)
     main(["run", "lost.toml", "--case", "0", "--out", "out"])
     printed = capsys.readouterr().out
@@ -361,7 +353,6 @@ def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
 def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, capsys) -> None:
     """Each case is as clear and within its limits as its run."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = LOST.replace('do = "gather"', f'do = "{stage}"')
     Path("lost.toml").write_text(text)
     campaign = cf.study("lost.toml")
