@@ -42,6 +42,8 @@ def section(heading: str, table: type[Table], keys: Iterable[Row]) -> Iterator[s
     if issubclass(table, Formation) and table is not Formation:
         keys = [key for key in keys if key not in shared]
         yield from ("Or a [formation](#formations).", "")
+    for group in table.alternatives if not issubclass(table, Formation) else ():
+        yield from (f"Exactly one of {', '.join(f'`{table.key_of(name)}`' for name in group)} is given.", "")
     if keys:
         yield from rows(keys)
 

@@ -105,7 +105,10 @@ class FeedbackTable(Table):
         "6", "number of impulses of a correction; 0 for continuous thrust", 0
     )
     delay: Delay = setting(
-        '"5 s"', "time from a measurement to the response of continuous thrust, at most `every`", 0.0
+        '"5 s"',
+        "time from a measurement to the response of continuous thrust, at most `every`",
+        0.0,
+        excludes="impulses",
     )
 
     def flaws(self) -> Iterator[str]:
@@ -121,8 +124,6 @@ class FeedbackTable(Table):
                 f"delay of {self.delay:g} s is longer than the {self.every:g} s from one measurement to "
                 'the next; write for example delay = "5 s"'
             )
-        if self.delay and self.impulses:
-            yield "delay cannot be combined with impulses; remove one of them"
 
     def build(self) -> "Feedback":
         """Return the feedback that the table describes."""
@@ -205,9 +206,7 @@ class Elements(Table):
     )
     inclination: Angle = setting('"97.6 deg"', "inclination", ...)
     ascending_node: Angle = setting('"30 deg"', "right ascension of the ascending node", 0.0)
-    argument_of_perigee: Angle = setting(
-        '"90 deg"', "argument of perigee; with `eccentricity`", 0.0, only_with="eccentricity"
-    )
+    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee", 0.0, only_with="eccentricity")
     latitude: Angle | None = setting(
         '"10 deg"', "mean argument of latitude; one of this and the two anomalies"
     )
@@ -246,14 +245,13 @@ class ChiefTable(Table):
     oem: FileName | None = setting('"chief.oem"', "orbit ephemeris message, interpolated at the epoch")
     frame: str | None = setting(
         '"GCRF"',
-        "inertial frame of `elements` or `state`: EME2000 (default), GCRF, ICRF, "
-        "J2000, MCI, MOD, TEME or TOD",
+        "inertial frame: EME2000 (default), GCRF, ICRF, J2000, MCI, MOD, TEME or TOD",
         min_length=1,
         only_with="elements state",
     )
     center: str | None = setting(
         '"EARTH"',
-        "central body of `elements` or `state`, by default EARTH",
+        "central body, by default EARTH",
         min_length=1,
         only_with="elements state",
     )
@@ -293,18 +291,18 @@ class OrbitTable(Table):
     mean_motion: Rate | None = setting('"0.0634 deg/s"', "mean motion")
     latitude: Angle = setting(
         '"30 deg"',
-        "argument of latitude of the origin at the start, to which `roe` refers; not in deep space",
+        "argument of latitude of the origin at the start, to which `roe` refers",
         0.0,
         only_with="altitude period semi_major_axis mean_motion",
     )
     mu: Annotated[float, Reader(GRAVITY, least="positive")] | None = setting(
         '"398600.4418 km^3/s^2"',
-        "gravitational parameter, by default the Earth's; with `altitude`, `semi_major_axis` or `chief`",
+        "gravitational parameter, by default the Earth's",
         only_with="altitude semi_major_axis chief",
     )
     radius: Length | None = setting(
         '"6378.137 km"',
-        "equatorial radius of the central body, by default the Earth's; with `altitude` or `chief`",
+        "equatorial radius of the central body, by default the Earth's",
         only_with="altitude chief",
     )
     epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = setting(
@@ -317,12 +315,13 @@ class OrbitTable(Table):
         "hill",
     )
     chief: ChiefTable | None = setting(
-        '{ oem = "chief.oem" }', "orbit of the origin at the epoch; needs `epoch`", needs="epoch"
+        '{ oem = "chief.oem" }', "orbit of the origin at the epoch", needs="epoch"
     )
     field: FieldTable | None = setting(
         "{ zonals = 2 }",
-        "perturbations of the high-fidelity model; without it, Hill's equations only; needs `chief`",
+        "perturbations of the high-fidelity model; without it, Hill's equations only",
         needs="chief",
+        only_if={"model": ("hill",)},
     )
 
     _beside: ChiefOrbit | None = PrivateAttr(None)
@@ -330,8 +329,6 @@ class OrbitTable(Table):
     def flaws(self) -> Iterator[str]:
         if self.model != "hill" and self.chief is None:
             yield f'model = "{self.model}" needs chief; add it with epoch, or remove model'
-        if self.model != "hill" and self.field is not None:
-            yield f'field predicts for model = "hill" only, not "{self.model}"; remove one of them'
 
     def build(self) -> Orbit:
         """Return the orbit that the table describes; about a chief that is not on a circle a `ChiefOrbit`."""

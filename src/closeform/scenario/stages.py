@@ -135,22 +135,24 @@ class Thrusting(Engine, Drifting):
     )
     failure: Failed | None = setting(
         '"thrust lost"',
-        'failure that precedes the drift, by default "thrust lost"; with `drift`',
+        'failure that precedes the drift, by default "thrust lost"',
         only_with="drift",
     )
     least: Annotated[float, Reader(SHARE, least="zero", below="100 %")] | None = setting(
-        '"90 %"', "minimum share of the planned thrust that missed burns or weak thrust give; by default 0 %"
+        '"90 %"',
+        "minimum share of the planned thrust that missed burns or weak thrust give; by default 0 %",
+        only_if={"failure": ("burns missed", "thrust weak")},
     )
     longest: Span | None = setting(
-        '"10 s"', 'maximum time of stuck-on thrust; required with failure = "thrust stuck"'
+        '"10 s"',
+        "maximum time of stuck-on thrust",
+        only_if={"failure": ("thrust stuck",)},
     )
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
-            yield 'least requires failure = "burns missed" or "thrust weak"; remove least'
-        if (self.longest is not None) != (self.failure == "thrust stuck"):
-            yield 'failure = "thrust stuck" and longest belong together; write for example longest = "10 s"'
+        if self.failure == "thrust stuck" and self.longest is None:
+            yield 'failure = "thrust stuck" needs longest; add for example longest = "10 s"'
         if self.longest is not None and self.longest.orbits:
             yield 'longest is a time; write for example longest = "10 s"'
 
@@ -360,7 +362,9 @@ class Joint(Clearing):
         "joint",
     )
     order: Names | None = setting(
-        '["F3", "F1"]', 'planning order or right of way, by default that of `name`; not with plan = "joint"'
+        '["F3", "F1"]',
+        "planning order or right of way, by default that of `name`",
+        only_if={"plan": ("sequential", "distributed")},
     )
     if_blocked: Fallbacks = setting(
         FALLBACK_EXAMPLE,
@@ -375,8 +379,6 @@ class Joint(Clearing):
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.order is not None and self.plan == "joint":
-            yield 'order requires plan = "sequential" or "distributed"; remove order'
         if self.cost == "delta-v" and self.plan != "joint":
             yield f'plan = "{self.plan}" cannot be combined with cost = "{self.cost}"; remove one of them'
 
@@ -398,13 +400,11 @@ class Scatter(Joint):
     )
     point: Position | None = setting(
         '"0 0 0 m"',
-        "point to move away from, instead of `factor`; needs `distance`",
+        "point to move away from, instead of `factor`",
         alias="from",
         needs="distance",
     )
-    distance: Length | None = setting(
-        '"1 km"', "distance from that point; required with `from`", only_with="point"
-    )
+    distance: Length | None = setting('"1 km"', "distance from that point", only_with="point")
 
     @property
     def away(self) -> tuple[Vector, float]:

@@ -101,25 +101,29 @@ class Study(Table):
         '{ "craft.position" = { ball = "10 m" } }',
         "samples by quoted key, drawn for each case and spacecraft",
         dict,
+        only_if={"draws": ("vary", "replanned")},
     )
     sweep: dict[str, Annotated[tuple[Any, ...], Field(strict=False)]] = setting(
         '{ "sensor.half_angle" = ["65 deg", "70 deg"] }',
-        'values by quoted key; not with draws = "errors"',
+        "values by quoted key",
         dict,
+        only_if={"draws": ("vary", "replanned")},
     )
     sampled: Annotated[tuple[Step, ...], Field(strict=False)] = setting(
-        '["1 s", "60 s"]', "steps of a simulation whose locks are compared; `lock` only", ()
+        '["1 s", "60 s"]',
+        "steps of a simulation whose locks are compared; `lock` only",
+        (),
+        only_if={"draws": ("vary",)},
     )
     pages: bool = setting("false", "false to omit the animated pages of single cases", True)
     published: dict[str, str] = setting(
-        '{ source = "S04", never = "0" }', "published values by row of the printed table", dict
+        '{ source = "S04", never = "0" }',
+        "published values by row of the printed table",
+        dict,
+        only_if={"draws": ("vary",)},
     )
 
     def flaws(self) -> Iterator[str]:
-        others = {"errors": ("vary", "sweep", "sampled", "published"), "replanned": ("sampled", "published")}
-        for key in others.get(self.draws, ()):
-            if getattr(self, key):
-                yield f'{key} requires draws = "vary"; remove {key}'
         for key, values in self.sweep.items():
             if not values:
                 yield f"sweep has no values of {key}; give some, or remove it"

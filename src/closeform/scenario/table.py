@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from math import inf
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
@@ -42,16 +42,25 @@ FOREVER = "forever"  # duration of a drift without an end
 
 
 def setting(
-    example: str, help: str, default: Any = None, needs: str = "", only_with: str = "", **checks: Any
+    example: str,
+    help: str,
+    default: Any = None,
+    *,
+    needs: str = "",
+    only_with: str = "",
+    only_if: Mapping[str, tuple[Any, ...]] | None = None,
+    excludes: str = "",
+    **checks: Any,
 ) -> Any:
     """Return the description of a key, from which its checks, messages and reference derive.
 
     `example` is a value as written in a file and `help` one line. A key with the default `...` is required.
-    The key `needs` another, and is allowed `only_with` one of several others, which are fields. `checks` are
-    those of pydantic, such as `ge` and `alias`.
+    The key `needs` another field, is allowed `only_with` one of several fields and `only_if` a field has one
+    of some values, and `excludes` others. `checks` are those of pydantic, such as `ge` and `alias`.
     """
     usual = {"default_factory": default} if callable(default) else {"default": default}
-    rules: Any = {"needs": needs, "only_with": only_with.split()}
+    rules: Any = {"needs": needs, "only_with": only_with.split(), "excludes": excludes.split()}
+    rules["only_if"] = dict(only_if or {})
     return Field(examples=[example], description=help, json_schema_extra=rules, **usual, **checks)
 
 
@@ -83,7 +92,24 @@ class Table(BaseModel):
             words = [word for part in parts for word in choices(part)]
             example = " or ".join(words) or (field.examples or [""])[0]
             default = "required" if field.is_required() else default_text(field)
-            yield cls.key_of(name), example, default, field.description or ""
+            yield (
+                cls.key_of(name),
+                example,
+                default,
+                "; ".join([field.description or "", *cls.rules_of(name)]),
+            )
+
+    @classmethod
+    def rules_of(cls, name: str) -> Iterator[str]:
+        """Yield each rule of a field as words of the reference."""
+        rules: Any = cls.model_fields[name].json_schema_extra or {}
+        words = {"needs": rules.get("needs", "").split(), "with": rules.get("only_with", [])}
+        words["not with"] = rules.get("excludes", [])
+        for rule, others in words.items():
+            if others:
+                yield f"{rule} {' or '.join(f'`{cls.key_of(other)}`' for other in others)}"
+        for other, values in rules.get("only_if", {}).items():
+            yield f"with {cls.key_of(other)} = {' or '.join(map(json.dumps, values))}"
 
     @classmethod
     def missing(cls, key: str) -> str:
@@ -111,6 +137,7 @@ class Table(BaseModel):
         for name, field in type(self).model_fields.items():
             rules: Any = field.json_schema_extra or {}
             found += self.unmet(name, rules.get("needs", ""), rules.get("only_with", []))
+            found += self.excluded(name, rules.get("excludes", []), rules.get("only_if", {}))
         return list(dict.fromkeys(found or self.flaws()))
 
     def flaws(self) -> Iterator[str]:
@@ -126,6 +153,21 @@ class Table(BaseModel):
         if partners and given and not any(getattr(self, one) for one in partners):
             keys = " or ".join(map(self.key_of, partners))
             yield f"{key} requires {keys}; add one, or remove {key}"
+
+    def excluded(
+        self, name: str, others: Sequence[str], only_if: Mapping[str, tuple[Any, ...]]
+    ) -> Iterator[str]:
+        """Yield a flaw of a given key with another that it excludes, or that has another value."""
+        if name not in self.model_fields_set or not getattr(self, name):
+            return
+        key = self.key_of(name)
+        for other in others:
+            if other in self.model_fields_set and getattr(self, other):
+                yield f"{key} and {self.key_of(other)} exclude each other; keep one"
+        for other, values in only_if.items():
+            if getattr(self, other) not in values:
+                either = " or ".join(map(json.dumps, values))
+                yield f"{key} requires {self.key_of(other)} = {either}; remove {key}"
 
     def one_of(self, names: Sequence[str]) -> Iterator[str]:
         """Yield a flaw unless exactly one of the keys is given."""
