@@ -2,16 +2,20 @@
 
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 import closeform as cf
 from closeform.cli.app import main
 from closeform.scenario import Scenario, ScenarioError, parse
+from closeform.scenario.load import File
+from closeform.scenario.table import Table, complaints, tables_in
 from orbit_files import contents, oem
 from scenarios import GOOD, LOST
 
@@ -115,6 +119,24 @@ def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFix
     assert main(["check", "cluster.toml"]) == 2
     keys = [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()]
     assert keys == ["orbit.altitude", "craft.keep_out.sphere", "stage[2].craft"]
+
+
+def tables(table: type[Table]) -> Iterator[type[Table]]:
+    """Yield a table and all tables inside it."""
+    yield table
+    for field in table.model_fields.values():
+        for inner in tables_in(field.annotation):
+            yield from tables(inner)
+
+
+def test_every_key_refuses_a_wrong_value_with_a_remedy() -> None:
+    for table in set(tables(File)):
+        for key in table.examples():
+            with pytest.raises(ValidationError) as refused:
+                table.model_validate({key: object()})
+            said = [text for place, text in complaints(refused.value, table) if place[0] == key]
+            assert said, (table, key)
+            assert all("; " in text and "\n" not in text for text in said), (table, key)
 
 
 def test_valid_file_is_accepted() -> None:
