@@ -115,79 +115,6 @@ def loaded() -> dict[str, Any]:
     return opened | {"LoadedStage": opened["LoadedRun"].results[0]}
 
 
-NAMES = (  # known before they are made, which takes seconds and compiles most kernels
-    "one craft",
-    "batch of two axes",
-    "paths in deep space",
-    "list of paths",
-    "Path",
-    "Conflict",
-    "conflicts",
-    "no conflicts",
-    "PairConflict",
-    "Screening",
-    "empty Screening",
-    "Approach",
-    "batch Approach",
-    "DriftApproach",
-    "batch DriftApproach",
-    "DriftScreening",
-    "DriftScreening of both",
-    "SigmaApproach",
-    "Probability",
-    "Probability of histories",
-    "Bound",
-    "batch Bound",
-    "TransferCostTable",
-    "Plan of one",
-    "Contact",
-    "ShadowPrice",
-    "Plan",
-    "Plan for delta-v",
-    "ThrustShortfall",
-    "ClearanceCostCurve",
-    "MaxClearance",
-    "ThrusterFiring",
-    "Firing of two",
-    "Pulses",
-    "Search",
-    "Leg",
-    "Locks",
-    "LockMargins",
-    "LockProof",
-    "LongestLock",
-    "TheoremCase",
-    "Gathering",
-    "Event",
-    "Gatherings",
-    "Conjunction",
-    "ConjunctionObject",
-    "Encounter",
-    "Ephemeris",
-    "Covariances",
-    "CommonFrame",
-    "Validity",
-    "CompensatedThrust",
-    "Retargeted",
-    "Simulation",
-    "TrackingMargins",
-    "Tube",
-    "FittedMargin",
-    "Mission",
-    "StageResult",
-    "LoadedRun",
-    "LoadedStudy",
-    "errors LoadedStudy",
-    "LoadedStage",
-    "WatchedFlight",
-    "ErrorCampaign",
-    "SweepCampaign",
-    "MissionCampaign",
-    "LockCampaign",
-    "GatherCampaign",
-)
-
-
 @cache
 def answers() -> dict[str, Any]:
     """Return results by the name of their class; variants have words before it."""
@@ -288,10 +215,10 @@ def answers() -> dict[str, Any]:
     }
     swap = low.orbit, craft, craft[[1, 0, 2]], 200.0, ball
     found["FittedMargin"] = cf.fit_margin(lambda margin: cf.reconfigure(*swap, margin=margin), field, ball)
-    mission = plan_mission(parse(STUDY, "study.toml", "run"))
+    mission = plan_mission(parse(STUDY, "study.toml"))
     errors, locked = (
-        evaluated(parse(STUDY, "study.toml", "study")),
-        evaluated(parse(LOCKS, "locks.toml", "study")),
+        evaluated(parse(STUDY, "study.toml")),
+        evaluated(parse(LOCKS, "locks.toml")),
     )
     return found | {
         "Mission": mission,
@@ -299,8 +226,8 @@ def answers() -> dict[str, Any]:
         **loaded(),
         "WatchedFlight": mission.results[0].after,
         "ErrorCampaign": errors,
-        "SweepCampaign": evaluated(parse(LOCKS + SWEEP, "sweep.toml", "study")),
-        "MissionCampaign": evaluated(parse(MISSIONS, "missions.toml", "study")),
+        "SweepCampaign": evaluated(parse(LOCKS + SWEEP, "sweep.toml")),
+        "MissionCampaign": evaluated(parse(MISSIONS, "missions.toml")),
         "LockCampaign": locked,
-        "GatherCampaign": evaluated(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),
+        "GatherCampaign": evaluated(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml")),
     }

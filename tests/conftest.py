@@ -2,8 +2,9 @@
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -68,3 +69,11 @@ def undrawn() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("closeform.report.page.drawn", lambda *_: ())
         yield
+
+
+@pytest.fixture
+def ran(tmp_path, monkeypatch, capsys) -> Callable[[str], Any]:
+    """Run a scenario from its text, and return its output and results."""
+    from runs import run_text
+
+    return lambda text: run_text(text, tmp_path, monkeypatch, capsys)

@@ -14,49 +14,18 @@ from oem import OrbitEphemerisMessage
 
 from closeform.exchange.ccsds.oem import read_oem, read_oem_segments, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.ephemerides.ephemeris import Ephemeris
-from closeform.motion.elements.elements import elements_from_inertial, inertial_from_elements
+from closeform.motion.elements.elements import elements_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_MU
+from damage import assert_refused, read_or_refused, spoilt
+from orbit_files import GOOD, HEAD, ROWS, circular
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
-
-HEAD = """CCSDS_OEM_VERS = 2.0
-CREATION_DATE = 2026-01-01T00:00:00
-ORIGINATOR = TEST
-
-META_START
-OBJECT_NAME = DEPUTY
-OBJECT_ID = 2000-001B
-CENTER_NAME = EARTH
-REF_FRAME = EME2000
-TIME_SYSTEM = UTC
-START_TIME = 2016-12-31T23:59:50
-STOP_TIME = 2017-01-01T00:00:10
-META_STOP
-
-COMMENT across the leap second of 2016
-"""
-ROWS = """2016-12-31T23:59:50 7000.0 0.0 0.0 0.0 7.5 0.0
-2016-12-31T23:59:60.5 7000.0 75.0 0.0 0.0 7.5 0.0
-2017-01-01T00:00:10 7000.0 150.0 1.5e-3 0.0 7.5 -1.25
-"""
-GOOD = HEAD + ROWS
 
 
 def written(folder, text):
     file = folder / "case.oem"
     file.write_text(text)
     return file
-
-
-def circular(name="CHIEF", ahead=0.0, times=None, **changes):
-    times = np.arange(0.0, 600.0, 10.0) if times is None else np.asarray(times, dtype=float)
-    elements = np.tile([7e6, 0.0, 0.0, 0.0, 1.0, 0.2], (len(times), 1))
-    elements[:, 1] = ahead + 1.078007e-3 * times
-    states = inertial_from_elements(elements)
-    fields = {"object_id": "2000-001A", "center": "EARTH", "frame": "GCRF", "time_system": "TAI"}
-    fields |= {"epoch": "2020-01-01T00:00:00"} | changes
-    return Ephemeris(name=name, times=times, states=states, **fields)
 
 
 def test_reads_si_units_and_counts_the_leap_second(tmp_path):
@@ -134,25 +103,18 @@ def test_written_file_is_an_oem_to_the_oem_package(tmp_path):
 
 DAMAGE = {
     "empty": (lambda text: "", "empty file"),
-    "blank": (lambda text: " \n\n", "empty file"),
     "not an OEM": (lambda text: "a,b,c\n1,2,3\n", "line 1: not an OEM, which starts with CCSDS_OEM_VERS"),
-    "cut in the header": (lambda text: text[:40], "0 segments"),
     "cut in a state": (lambda text: text[:-20], "line 18: expected an epoch and 6 or 9 numbers, got 4 words"),
-    "no states": (lambda text: HEAD, "has 0 states"),
-    "one state": (lambda text: HEAD + ROWS.splitlines()[0], "has 1 states"),
     "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
-    "infinite": (lambda text: text.replace("75.0", "1e999"), "line 17: a value is not finite"),
     "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
     "epochs fall": (
         lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]),
         "line 17: epochs must increase",
     ),
-    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must increase"),
     "no epoch": (
         lambda text: text.replace("23:59:60.5", "23:59"),
         "line 17: '2016-12-31T23:59' is not a valid epoch",
     ),
-    "no such day": (lambda text: text.replace("2017-01-01T", "2017-02-30T"), "is not a valid epoch"),
     "missing keyword": (
         lambda text: text.replace("REF_FRAME = EME2000\n", ""),
         "keyword REF_FRAME is missing",
@@ -161,25 +123,14 @@ DAMAGE = {
         lambda text: text.replace("META_STOP", "REF_FRAME = TOD\nMETA_STOP"),
         "line 13: keyword REF_FRAME occurs twice",
     ),
-    "unknown time": (lambda text: text.replace("UTC", "MET"), "TIME_SYSTEM MET is not supported"),
-    "wrong span": (
-        lambda text: text.replace("E = 2016-12-31T23:59:50", "E = 2018-01-01T00:00:00"),
-        "has 0 st",
-    ),
     "two segments": (lambda text: text + HEAD[HEAD.index("META_START") :] + ROWS, "has 2 segments"),
     "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "not a complete OEM"),
-    "other XML": (lambda text: "<?xml version='1.0'?>\n<oem version='2.0'/>", "not a complete OEM"),
 }
 
 
 def test_damaged_file_gives_one_line(tmp_path):
-    for case in DAMAGE:
-        change, message = DAMAGE[case]
-        file = written(tmp_path, change(GOOD))
-        with pytest.raises(ValueError, match=message) as caught:
-            read_oem(file)
-        assert str(caught.value).startswith(f"{file}: ")
-        assert "\n" not in str(caught.value)
+    for change, message in DAMAGE.values():
+        assert_refused(read_oem, written(tmp_path, change(GOOD)), message)
 
 
 SECOND = (
@@ -214,38 +165,14 @@ def test_inconsistent_segments_are_refused(tmp_path, change, message):
     assert str(caught.value).startswith(f"{file}: ")
 
 
-def test_absent_and_binary_files(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.oem: cannot be read: No such file"):
-        read_oem(tmp_path / "none.oem")
-    with pytest.raises(ValueError, match="cannot be read"):
-        read_oem(tmp_path)
-    file = tmp_path / "picture.oem"
-    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
-    with pytest.raises(ValueError, match="not a text file"):
-        read_oem(file)
-
-
 @given(data=st.data())
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_random_damage_is_read_or_refused(tmp_path_factory, data):
-    text = GOOD
-    for _ in range(data.draw(st.integers(1, 3))):
-        start = data.draw(st.integers(0, len(text)))
-        stop = min(len(text), start + data.draw(st.integers(0, 30)))
-        text = (
-            text[:start]
-            + data.draw(st.text(alphabet="0123456789.-:=TZe nafMETA_\n<>", max_size=8))
-            + text[stop:]
-        )
-    file = written(tmp_path_factory.getbasetemp(), text)
-    try:
-        ephemeris = read_oem(file)
-    except ValueError as error:
-        assert str(error).startswith(f"{file}: ")  # noqa: PT017
-        assert "\n" not in str(error)  # noqa: PT017
-    else:
-        assert np.isfinite(ephemeris.states).all()
-        assert (np.diff(ephemeris.times) > 0).all()
+    text = spoilt(GOOD, data, "0123456789.-:=TZe nafMETA_\n<>")
+    found = read_or_refused(read_oem, written(tmp_path_factory.getbasetemp(), text))
+    if found is not None:
+        assert np.isfinite(found.states).all()
+        assert (np.diff(found.times) > 0).all()
 
 
 def test_astropy_is_not_needed(tmp_path):
@@ -257,12 +184,6 @@ print(closeform.exchange.ccsds.oem.read_oem({str(written(tmp_path, GOOD))!r}).ti
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[ 0.  10.5 21. ]\n"
-
-
-def test_importing_the_module_loads_no_heavy_package():
-    code = "import sys, closeform.exchange.ccsds.oem; print({'oem', 'astropy', 'erfa', 'numba', 'lxml'} & set(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout == "set()\n"
 
 
 def test_ephemeris_is_checked_when_made():
@@ -305,13 +226,9 @@ def test_common_frame_takes_the_shared_epochs_only():
 @pytest.mark.parametrize(
     ("others", "message"),
     [
-        ([], "at least two are needed, got 1"),
         ([circular("CHIEF")], "CHIEF: two ephemerides have this OBJECT_NAME"),
         ([circular("D", frame="EME2000")], "D: REF_FRAME EME2000 differs from GCRF of CHIEF"),
-        ([circular("D", time_system="UTC")], "D: TIME_SYSTEM UTC differs from TAI"),
-        ([circular("D", center="MARS")], "D: CENTER_NAME MARS differs"),
         ([circular("D", epoch="2020-01-02T00:00:00")], "CHIEF, D: fewer than two common epochs"),
-        ([circular("D", times=[1.0, 2.0, 3.0])], "CHIEF, D: fewer than two common epochs"),
     ],
 )
 def test_incompatible_ephemerides_are_refused(others, message):

@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 import closeform as cf
 from cdms import FAST, KEYS, SLOW, SLOW_INERTIAL
 from closeform.cli.app import main
+from damage import assert_refused, read_or_refused, spoilt
 
 
 def written(folder, text, name="case.cdm"):
@@ -247,58 +248,26 @@ def number_of(start, text=SLOW, after=0):
 
 DAMAGE = {
     "empty": (lambda text: "", "empty file; give a CDM in key-value or XML form"),
-    "not a CDM": (lambda text: "a,b\n1,2\n", "line 1: not a CDM, which starts with CCSDS_CDM_VERS"),
     "an OEM": (lambda text: text.replace("CDM_VERS", "OEM_VERS"), "line 1: not a CDM"),
     "half of it": (lambda text: text[: text.index("OBJECT = OBJECT2")], "has 1 of 2 objects"),
-    "no time": (lambda text: text.replace("TCA = ", "COMMENT "), "keyword TCA is missing before OBJECT1"),
     "no such time": (
         lambda text: text.replace("TCA = 2000-01-01", "TCA = 2000-13-01"),
         f"line {number_of('TCA')}: TCA: '2000-13-01T00:00:00.000' is not a valid epoch",
     ),
-    "no miss distance": (lambda text: text.replace("MISS_D", "NISS_D"), "keyword MISS_DISTANCE is missing"),
-    "no state": (lambda text: text.replace("\nY_DOT = -0.011363615 [km/s]", ""), "keyword Y_DOT is missing in OBJECT2"),
-    "no covariance": (lambda text: text.replace("CNDOT_NDOT = 3.39039", "COMMENT 3.39039"), "keyword CNDOT_NDOT is missing in OBJECT1"),
     "no frame": (lambda text: text.replace("REF_FRAME = EME2000\n", "", 1), "keyword REF_FRAME is missing in OBJECT1"),
-    "no name": (lambda text: text.replace("NAME = PRIMARY", "NAME ="), "keyword OBJECT_NAME is missing in OBJECT1"),
     "a keyword twice": (
         lambda text: text.replace("CATALOG_NAME = SATCAT", "X = 1 [km]", 1),
         f"line {number_of('X = ')}: keyword X occurs twice in OBJECT1",
     ),
-    "objects exchanged": (
-        lambda text: text.replace("OBJECT = OBJECT1", "OBJECT = OBJECT2"),
-        f"line {number_of('OBJECT = ')}: OBJECT is 'OBJECT2', expected OBJECT1",
-    ),
-    "a third object": (lambda text: text + "OBJECT = OBJECT3\n", "has 3 of 2 objects"),
     "states in m": (
         lambda text: text.replace("[km]", "[m]"),
         rf"line {number_of('X = ')}: X in \[m\], where the standard has \[km\]; convert it",
     ),
-    "states in m without unit": (
-        lambda text: "".join(
-            f"{line.split('=')[0]}= {1e3 * float(line.split()[2])}\n" if "[km]" in line else line
-            for line in text.splitlines(True)
-        ),
-        "miss_distance: 5.04972 m, but the states are 50.*check their units",
-    ),
     "covariances in km": (lambda text: text.replace("[m**2]", "[km**2]"), r"CR_R in \[km\*\*2\], where the standard has \[m\*\*2\]"),
     "a word": (lambda text: text.replace("41874.15587", "far"), f"line {number_of('Y = ')}: 'far' is not a number"),
     "not finite": (lambda text: text.replace("41874.15587", "nan"), f"line {number_of('Y = ')}: Y is not finite"),
-    "a negative variance": (
-        lambda text: text.replace("CN_N = 1.2050395223076", "CN_N = -1.2"),
-        f"line {number_of('CN_N')}: CN_N: a variance is negative",
-    ),
     "a state without keyword": (lambda text: text.replace("X = 153.446765", "153.446765"), "is not a keyword with a value"),
-    "frames that differ": (lambda text: text.replace("EME2000", "GCRF", 1), "objects: are in different frames, GCRF and EME2000"),
-    "a frame nobody knows": (lambda text: text.replace("EME2000", "MARS"), "OBJECT1: frame: MARS is unknown; convert the states"),
-    "a radius that is none": (lambda text: text.replace("HBR = 15.0", "HBR = large"), "'large' is not a number"),
     "a radius of nothing": (lambda text: text.replace("HBR = 15.0", "HBR = 0 [m]"), "hard_body_radius: must be positive, got 0 m"),
-    "a probability above 1": (
-        lambda text: text.replace("COMMENT HBR", "COLLISION_PROBABILITY = 1.5\nCOMMENT HBR"),
-        "collision_probability: must be from 0 to 1, got 1.5",
-    ),
-    "another unit of speed": (lambda text: text.replace("3.066874761 [km/s]", "3.066874761 [m/s]"), r"X_DOT in \[m/s\]"),
-    "cut XML": (lambda text: xml(text)[:900], "not a complete CDM in XML"),
-    "other XML": (lambda text: "<?xml version='1.0'?>\n<html></html>", "line 2: not a CDM"),
     "XML that explodes": (
         lambda text: "<?xml version='1.0'?><!DOCTYPE cdm [<!ENTITY a 'aaaa'>]><cdm>&a;</cdm>",
         "declares entities, which no message has",
@@ -307,45 +276,23 @@ DAMAGE = {
 
 
 def test_damaged_message_is_reported_in_one_line(tmp_path):
-    for case in DAMAGE:
-        change, expected = DAMAGE[case]
+    for change, expected in DAMAGE.values():
         assert change(SLOW) != SLOW
-        file = written(tmp_path, change(SLOW))
-        with pytest.raises(ValueError, match=expected) as caught:
-            cf.read_cdm(file)
-        assert str(caught.value).startswith(f"{file}: ")
-        assert "\n" not in str(caught.value)
+        assert_refused(cf.read_cdm, written(tmp_path, change(SLOW)), expected)
 
 
 @given(data=st.data())
 @settings(max_examples=50)
 def test_random_damage_is_read_or_refused(tmp_path_factory, data):
-    text = data.draw(st.sampled_from([SLOW, xml(SLOW)]))
-    for _ in range(data.draw(st.integers(1, 3))):
-        start = data.draw(st.integers(0, len(text)))
-        stop = min(len(text), start + data.draw(st.integers(0, 40)))
-        letters = st.text(alphabet="0123456789.-:=TZe nafOBJECT_XR\n<>[]/*", max_size=8)
-        text = text[:start] + data.draw(letters) + text[stop:]
-    file = written(tmp_path_factory.getbasetemp(), text)
-    try:
-        found = cf.read_cdm(file)
-    except ValueError as error:
-        assert str(error).startswith(f"{file}: ")  # noqa: PT017
-        assert "\n" not in str(error)  # noqa: PT017
-    else:
+    text = spoilt(
+        data.draw(st.sampled_from([SLOW, xml(SLOW)])), data, "0123456789.-:=TZe nafOBJECT_XR\n<>[]/*"
+    )
+    found = read_or_refused(cf.read_cdm, written(tmp_path_factory.getbasetemp(), text))
+    if found is not None:
         assert all(
             np.isfinite(each.state).all() and np.isfinite(each.covariance).all() for each in found.objects
         )
         assert found.miss_distance >= 0.0
-
-
-def test_absent_and_binary_files(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.cdm: cannot be read: No such file"):
-        cf.read_cdm(tmp_path / "none.cdm")
-    file = tmp_path / "picture.cdm"
-    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
-    with pytest.raises(ValueError, match="not a text file; give a CDM"):
-        cf.read_cdm(file)
 
 
 def test_conjunction_is_checked_when_made(slow):

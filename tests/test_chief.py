@@ -4,7 +4,6 @@ import pickle
 from dataclasses import replace
 from pathlib import Path
 
-import mpmath
 import numpy as np
 import pytest
 from astropy.time import Time, TimeDelta
@@ -13,6 +12,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.chief import Chief
+from fifty_digits import to_fifty_digits
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 EPOCH = "2026-11-22T12:00:00.123456789"
@@ -21,27 +21,6 @@ INCLINED = [6.928137e6, 0.3, 2e-3, -1e-3, np.radians(97.6), 1.2]
 
 def attracted(_, state):
     return np.concatenate([state[3:], -cf.elements.EARTH_MU * state[:3] / np.linalg.norm(state[:3]) ** 3])
-
-
-def to_fifty_digits(state, time):
-    """Return the position by Lagrange's coefficients in 50 digits."""
-    with mpmath.workdps(50):
-        mu, time = mpmath.mpf(cf.elements.EARTH_MU), mpmath.mpf(float(time))
-        place, speed = (
-            mpmath.matrix([mpmath.mpf(float(one)) for one in part]) for part in (state[:3], state[3:])
-        )
-        radius, climb = mpmath.norm(place), (place.T * speed)[0] / mpmath.sqrt(mu)
-        a = 1 / (2 / radius - (speed.T * speed)[0] / mu)
-        rate = mpmath.sqrt(mu / a**3)
-
-        def kepler(turn):
-            shape = (1 - radius / a) * mpmath.sin(turn) - climb / mpmath.sqrt(a) * (1 - mpmath.cos(turn))
-            return turn - shape - rate * time
-
-        turn = mpmath.findroot(kepler, (rate * time - 1, rate * time + 1), solver="anderson")
-        f = 1 - a / radius * (1 - mpmath.cos(turn))
-        g = time - (turn - mpmath.sin(turn)) / rate
-        return [float(one) for one in f * place + g * speed]
 
 
 @pytest.fixture(scope="module")
@@ -188,13 +167,8 @@ def test_chief_pickles(grace):
     [
         ({"epoch": "noon"}, "epoch: 'noon' is not a valid epoch; write it in the form"),
         ({"time_system": "UT1"}, "epoch: TIME_SYSTEM UT1 requires tables of the Earth's rotation"),
-        ({"epoch": 5}, "epoch: expected str, got 5"),
         ({"frame": "ITRF"}, "frame: 'ITRF' rotates or is unknown; convert to one of EME2000"),
-        ({"state": [1, 2, 3]}, r"state: expected shape \(6,\), got \(3,\)"),
         ({"state": [7e6, 0, 0, 0, 12e3, 0]}, "state: the orbit must be an ellipse"),
-        ({"state": [7e6, 0, 0, 0, np.nan, 0]}, "state: every number must be finite"),
-        ({"mu": -1.0}, "mu: must be positive"),
-        ({"ephemeris": "file"}, "ephemeris: expected Ephemeris"),
     ],
 )
 def test_invalid_chief(changes, message):

@@ -22,9 +22,9 @@ from closeform.cli.console import WIDTH
 from closeform.scenario import load
 from closeform.storage.publishing import folder
 from closeform.storage.result_folder import FolderError
+from orbit_files import contents, oem
 from pages import assert_linked
 from scenarios import GOOD
-from test_invalid_input import contents, oem
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -181,15 +181,6 @@ def numbers(value: object) -> list[float]:
     if isinstance(value, list):
         return [n for item in value for n in numbers(item)]
     return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
-
-
-def test_energy_and_delta_v_are_printed_side_by_side(cluster_run: tuple[Path, str]) -> None:
-    _, printed = cluster_run
-    header = next(line for line in printed.splitlines() if "energy" in line and "delta-v" in line)
-    assert header.index("energy") < header.index("delta-v")
-    assert max(map(len, printed.splitlines())) <= WIDTH
-    order = [printed.index(title) for title in ("Conflicts before", "Change made", "Conflicts after")]
-    assert order == sorted(order)
 
 
 def test_report_is_self_contained(cluster_run: tuple[Path, str]) -> None:
@@ -357,11 +348,6 @@ def test_screen(tmp_path, monkeypatch, capsys) -> None:
     assert "Zones of pairs" not in capsys.readouterr().out
     assert main(["screen", *files, "--sphere", "400 m", "--body"]) == 1
     assert "Zones of pairs: bodies added" in capsys.readouterr().out
-
-
-def test_version(capsys) -> None:
-    assert main(["--version"]) == 0
-    assert re.fullmatch(r"\d+\.\d+\.\d+\n", capsys.readouterr().out)
 
 
 def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:

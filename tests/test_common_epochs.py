@@ -14,7 +14,7 @@ from closeform.exchange.ephemerides.ephemeris import Ephemeris
 from closeform.exchange.ephemerides.interpolation import interpolated
 from closeform.motion.elements.elements import elements_from_inertial, inertial_from_elements
 from closeform.motion.elements.mean_motion import EARTH_MU
-from test_ccsds import circular as turning
+from orbit_files import circular as turning
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 J2 = 1.08262668e-3 * 1.5 * EARTH_MU * 6378137.0**2

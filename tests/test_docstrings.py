@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from test_public_interface import CALLABLES, RESULTS, arguments, properties
+from public_names import CALLABLES, RESULTS, arguments, properties
 
 HEADING = re.compile(r"^(\w[\w ]*)\n(-+)$", re.MULTILINE)
 UNIT = re.compile(r"\[[^]]*\b(m|s|rad|kg|N)\b[^]]*\]|\bno unit\b")

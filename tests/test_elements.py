@@ -379,23 +379,17 @@ STATE = [7e6, 0, 0, 0, 7.5e3, 0]
 def test_invalid_input_is_reported_in_one_line():
     for call, message in [
         (lambda: palmer_from_state(STATE, 0.0), "mean_motion: must be positive"),
-        (lambda: state_from_palmer([0, 0, 0], 1e-3), r"palmer: expected shape \(..., 6\), got \(3,\)"),
         (lambda: mean_motion_from_semi_major_axis(-7e6), "semi_major_axis: must be positive, got -7e"),
         (lambda: mean_motion_from_altitude(-7e6), r"altitude \+ radius: must be positive"),
-        (lambda: mean_motion_from_period(float("nan")), "period: every number must be finite"),
         (lambda: elements_from_inertial([7e6, 0, 0, 0, 12e3, 0]), "must be an ellipse"),
         (lambda: elements_from_inertial([7e6, 0, 0, 1e3, 0, 0]), "must span an orbital plane"),
         (lambda: inertial_from_elements([7e6, 0, 1.0, 0, 1, 0]), "elements: the orbit must be an ellipse"),
         (lambda: roe_from_elements([7e6, 0, 0, 0, 1e-7, 0], [7e6, 0, 0, 0, 1, 0]), "chief: inclination 0"),
         (lambda: elements_from_roe([7e6, 0, 0, 0, 1, 0], [-1, 0, 0, 0, 0, 0]), "roe: the orbit must be"),
-        (lambda: state_from_scaled_roe([0, 0, 0], 1e-3), r"scaled: expected shape \(..., 6\), got \(3,\)"),
-        (lambda: state_from_scaled_roe([0] * 6, 0.0), "mean_motion: must be positive"),
-        (lambda: scaled_roe_from_state([0] * 6, 1e-3, np.nan), "latitude: every number must be finite"),
         (lambda: relative_from_inertial(STATE, STATE, "curved"), 'along_track: "straight" or "arc", got'),
         (lambda: relative_from_inertial(STATE, STATE, radius=7e6), "radius: only used with"),
         (lambda: relative_from_inertial([0] * 6, STATE), "chief: position and velocity must span"),
         (lambda: relative_from_inertial(STATE, [0, 0, 7e6, 0, 0, 0], "arc"), "on the axis of the chief"),
-        (lambda: inertial_from_relative(STATE, [np.inf] * 6), "relative: every number must be finite"),
     ]:
         with pytest.raises(ValueError, match=message) as caught:
             call()

@@ -17,45 +17,13 @@ from closeform.cli.console import print_report
 from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
-from test_chief import to_fifty_digits
+from dated import CIRCLE, chief, scenario
+from fifty_digits import to_fifty_digits
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 ROOT = Path(__file__).parents[1]
 GRACE = ROOT / "examples" / "grace"
-PLAIN = """\
-closeform = 1
-title = "Two that meet"
-
-[orbit]
-ORBIT
-
-[craft]
-name = ["A", "B"]
-START
-keep_out = { sphere = "20 m" }
-
-[[stage]]
-do = "coast"
-for = "40 s"
-
-[[stage]]
-do = "transfer"
-craft = "B"
-to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
-within = "5 min"
-cost = "delta-v"
-"""
-MEETING = 'position = ["0 0 0 m", "0 25 0 m"]\nvelocity = ["0 0 0 m/s", "0 -1 0 m/s"]'
-CIRCLE = 'semi_major_axis = "7000 km", inclination = "97.6 deg", ascending_node = "30 deg"'
-
-
-def scenario(orbit='altitude = "550 km"', start=MEETING):
-    return PLAIN.replace("ORBIT", orbit).replace("START", start)
-
-
-def chief(elements, epoch="2026-11-22T12:00:00Z"):
-    return f'epoch = "{epoch}"\nchief = {{ elements = {{ {elements} }} }}'
 
 
 def run_output(folder, text, capsys):
@@ -124,20 +92,6 @@ def test_epoch_adds_utc_only(tmp_path, capsys):
     assert re.search(r" 23:59:50\.\d{3} ", row)
     assert any("UTC 2016-12-31" in line for line in shown)
     assert [line for line in shown if len(line) > 100 and "results in" not in line] == []
-
-
-def test_wide_tables_omit_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
-    """Wide tables of burns fit 100 columns; the files have UTC."""
-    text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"').replace(
-        "keep_out",
-        'mass = "12 kg"\nmax_thrust = "2 N"\nspecific_impulse = "60 s"\nthrusters = "rtn"\nkeep_out',
-    )
-    monkeypatch.setattr("closeform.cli.console.UNBROKEN", 100)
-    lines, _, tables = run_output(tmp_path, text, capsys)
-    head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
-    assert [line for line in lines if len(line) > 100 and "results in" not in line] == []
-    assert "UTC" not in head
-    assert None not in tables["burns"]["start_utc"]
 
 
 def test_chief_defines_the_orbit(tmp_path, capsys):
@@ -275,12 +229,6 @@ def test_mission_starts_from_an_exported_ephemeris(tmp_path):
         parse(scenario(gone, start), str(tmp_path / "next.toml"))
 
 
-def test_sampled_case_starts_from_its_own_state(tmp_path):
-    """Studies vary nominal positions, also of inertial starts."""
-    found = parse(scenario(chief(CIRCLE + ', latitude = "10 deg"')))
-    assert found.craft[1].known_at(np.ones(6)).state(found.orbit.build()).tolist()[1] == 25.0
-
-
 @pytest.mark.parametrize("name", ["no.oem", "a" * 5000 + ".oem", "\\u0000", "/", "..", "a\\nb"])
 def test_invalid_file_names(name, tmp_path):
     text = scenario(f'epoch = "2026-11-22T12:00:00Z"\nchief = {{ oem = "{name}" }}')
@@ -289,14 +237,6 @@ def test_invalid_file_names(name, tmp_path):
     (line,) = refused.value.lines
     assert line.isprintable()
     assert line.endswith("; check the path")
-
-
-def test_errors_of_chief_and_spacecraft_are_reported_together():
-    text = scenario('epoch = "2026-11-22T12:00:00Z"\nchief = { oem = "no.oem" }').replace('"20 m"', '"-20 m"')
-    with pytest.raises(ScenarioError) as refused:
-        parse(text, "two.toml")
-    keys = [line.split(": ")[1] for line in refused.value.lines]
-    assert keys == ["craft.keep_out.sphere", "orbit.chief"]
 
 
 def test_endless_drift_has_no_end_time(tmp_path, capsys):

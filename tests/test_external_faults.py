@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from orbit_files import oem
 from scenarios import GOOD, LOST
-from test_invalid_input import oem
 
 pytestmark = pytest.mark.fault
 COMMANDS = {

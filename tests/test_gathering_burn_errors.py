@@ -18,48 +18,13 @@ from closeform.search.gathering.problem import gathering_problem
 from closeform.search.gathering.result import EventKind, GatherStatus
 from lost import BASIC, Sky, gathered
 from philox import block
+from studies import LOST
 from test_knowledge_set_corrections import with_kernel
 from turns import turns
 
 RATE, TIP = np.radians(0.25), np.radians(25.0)
 NAMES = ("P", "Q", "R", "S", "T", "U")
 GROUPS = ("A", "B", "A", "B", "A", "B")
-LOST = """\
-closeform = 1
-title = "Six with short range"
-
-[orbit]
-deep_space = true
-
-[craft]
-name = ["P", "Q", "R", "S", "T", "U"]
-group = ["A", "B", "A", "B", "A", "B"]
-position = ["0 0 0 m", "10 0 0 m", "20 0 0 m", "30 0 0 m", "40 0 0 m", "50 0 0 m"]
-velocity = "0 0 0 m/s"
-
-[sensor]
-half_angle = "70 deg"
-offset = "7.5 m"
-range = "180 m"
-
-[search]
-method = "basic"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-max_speed = "30 cm/s"
-
-[[stage]]
-do = "gather"
-rounds = 2
-
-[study]
-cases = 24
-seed = 5
-
-[study.vary]
-"craft.position" = { ball = "250 m" }
-"craft.velocity" = { ball = "6 cm/s" }
-"""
 NARROW = LOST.replace("70 deg", "25 deg").replace("180 m", "2 km").replace('max_speed = "30 cm/s"', "")
 FAILING = LOST + '"craft.fails" = { chance = 0.4 }\n'
 WIDE = NARROW + '"craft.fails" = { chance = 0.5 }\n'

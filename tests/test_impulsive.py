@@ -340,27 +340,13 @@ def test_transfer_cost_table_has_the_minimum():
     ("slots", "duration", "message"),
     [
         (np.empty((0, 6)), [900.0], r"slots: expected shape \(S, 6\) for one slot at least, got \(0, 6\)"),
-        (np.zeros(6), [900.0], r"slots: expected shape \(S, 6\) for one slot at least, got \(6,\)"),
         (
             np.zeros((2, 6)),
             900.0,
             r"duration: expected shapes \(6,\) and \(D,\), got \(6,\) and \(\)",
         ),
-        (np.zeros((2, 6)), [0.0], "duration: must be positive, got 0 s"),
     ],
 )
 def test_transfer_cost_table_refuses_invalid_input(slots, duration, message):
     with pytest.raises(ValueError, match=message):
         cf.transfer_cost_table(ORBIT, CURTIS, slots, duration)
-
-
-@pytest.mark.parametrize("plan", [ORBIT.impulsive, lambda *a: cf.least_delta_v(ORBIT, *a)])
-def test_invalid_ends_are_refused(plan):
-    for initial, duration, message in (
-        (CURTIS, -5.0, "duration: must be positive, got -5 s"),
-        (CURTIS, np.nan, "duration: every number must be finite"),
-        (CURTIS[:5], 900.0, r"initial: expected shape \(\.\.\., 6\), got \(5,\)"),
-        (CURTIS * np.inf, 900.0, "initial: every number must be finite"),
-    ):
-        with np.errstate(invalid="ignore"), pytest.raises(ValueError, match=message):
-            plan(initial, np.zeros(6), duration)

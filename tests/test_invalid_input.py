@@ -2,50 +2,24 @@
 
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 import closeform as cf
 from closeform.cli.app import main
 from closeform.scenario import Scenario, ScenarioError, parse
+from closeform.scenario.load import File
+from closeform.scenario.table import Table, complaints, tables_in
+from orbit_files import contents, oem
 from scenarios import GOOD, LOST
 
 ROOT = Path(__file__).parents[1]
-
-OEM = """\
-CCSDS_OEM_VERS = 2.0
-CREATION_DATE = 2026-01-01T00:00:00
-ORIGINATOR = TEST
-META_START
-OBJECT_NAME = {name}
-OBJECT_ID = 2026-001{name}
-CENTER_NAME = EARTH
-REF_FRAME = EME2000
-TIME_SYSTEM = UTC
-START_TIME = 2026-01-01T{hour}:00:00
-STOP_TIME = 2026-01-01T{hour}:10:00
-META_STOP
-"""
-
-
-def oem(name: str, ahead: float, hour: str = "00") -> str:
-    """Return ten minutes of a circular orbit at 7000 km, `ahead` [rad], with a state each minute."""
-    rate, radius = np.sqrt(398600.4418 / 7000.0**3), 7000.0
-    lines = []
-    for minute in range(11):
-        c, s = np.cos(60 * minute * rate + ahead), np.sin(60 * minute * rate + ahead)
-        state = [radius * c, radius * s, 0.0, -radius * rate * s, radius * rate * c, 0.0]
-        lines.append(f"2026-01-01T{hour}:{minute:02d}:00 " + " ".join(f"{value:.9f}" for value in state))
-    return OEM.format(name=name, hour=hour) + "\n".join(lines) + "\n"
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Return every file below a folder."""
-    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
 
 
 # mistake: valid text, replacement, key, a word of the remedy
@@ -147,17 +121,22 @@ def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFix
     assert keys == ["orbit.altitude", "craft.keep_out.sphere", "stage[2].craft"]
 
 
-def test_unsupported_features_are_reported_with_the_rest(
-    desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Also for a study, which `run` does not need."""
-    text = LOST.replace('"100 0 0 m"', '"100 0 0"')
-    text = text.replace('"craft.velocity" = { ball = "6 cm/s" }', '"sensor.offset" = { normal = "1 cm" }')
-    (desk / "cluster.toml").write_text(text)
-    keys = ["craft.position[2]"]
-    for command, more in (("check", ['study.vary."sensor.offset"']), ("run", [])):
-        assert main([command, "cluster.toml"]) == 2
-        assert [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()] == keys + more
+def tables(table: type[Table]) -> Iterator[type[Table]]:
+    """Yield a table and all tables inside it."""
+    yield table
+    for field in table.model_fields.values():
+        for inner in tables_in(field.annotation):
+            yield from tables(inner)
+
+
+def test_every_key_refuses_a_wrong_value_with_a_remedy() -> None:
+    for table in set(tables(File)):
+        for key in table.examples():
+            with pytest.raises(ValidationError) as refused:
+                table.model_validate({key: object()})
+            said = [text for place, text in complaints(refused.value, table) if place[0] == key]
+            assert said, (table, key)
+            assert all("; " in text and "\n" not in text for text in said), (table, key)
 
 
 def test_valid_file_is_accepted() -> None:

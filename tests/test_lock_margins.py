@@ -1,6 +1,6 @@
 """Lock margins: missed angles against sampled turns; states within the margins lock alike."""
 
-from math import degrees, inf, isnan, radians
+from math import degrees, isnan, radians
 
 import numpy as np
 import pytest
@@ -178,10 +178,7 @@ def test_margins_beyond_a_right_angle():
             [0, 0, 0],
             "search: .* unlimited range, got 9 m",
         ),
-        (S04, [1, 2], [0, 0, 0], r"position: expected shape \(3,\)"),
-        (S04, [1, 2, 3], np.zeros((4, 3)), r"velocity: expected shape \(3,\)"),
         (S04, [0, 0, 0], [1, 0, 0], "position: the two craft are at the same position"),
-        (S04, [1, 2, 3], [inf, 0, 0], "velocity: must be finite"),
     ],
 )
 def test_invalid_input(search, position, velocity, message):

@@ -12,29 +12,18 @@ from closeform.campaign.draws import failing
 from closeform.mission.mission import plan_mission
 from closeform.report.run import requirements
 from closeform.scenario import ScenarioError, parse
-from test_sampled_errors import TWICE
-
-FAILS = re.sub(r"(covariance|execution|draws) = .*\n", "", TWICE).replace(
-    "[study.vary]\n",
-    '[study.vary]\n"craft.fails" = { chance = 0.5 }\n"craft.velocity" = { ball = "1 cm/s" }\n',
-)
-STATION = FAILS  # B coasts all along
-FAILS = FAILS.replace(
-    'do = "coast"\nfor = "1 min"\n',
-    'do = "transfer"\ncraft = "B"\nwithin = "0.1 orbits"\n'
-    'to = { position = "0 0 5 m", velocity = "0 0 0 m/s" }\n',
-)
+from studies import FAILS, STATION, TWICE
 
 
 @pytest.fixture(scope="module")
 def campaign():
-    return evaluated(parse(FAILS, "fails.toml", "study"), 24)
+    return evaluated(parse(FAILS, "fails.toml"), 24)
 
 
 def test_failed_spacecraft_drift_and_others_follow_the_plan(campaign):
     """Compare with Hill's matrix exponential after the failure and with the mission without it."""
     scenario = campaign.scenario
-    sound = parse(re.sub(r'"craft.fails".*\n', "", FAILS), "fails.toml", "study")
+    sound = parse(re.sub(r'"craft.fails".*\n', "", FAILS), "fails.toml")
     n = scenario.orbit.build().mean_motion
     seen = set()
     for case in range(12):
@@ -65,7 +54,7 @@ def test_failed_spacecraft_drift_and_others_follow_the_plan(campaign):
 
 def test_coasting_spacecraft_do_not_fail():
     """A coasting station never fails."""
-    campaign = evaluated(parse(STATION.replace("chance = 0.5", "chance = 1.0"), "fails.toml", "study"), 3)
+    campaign = evaluated(parse(STATION.replace("chance = 0.5", "chance = 1.0"), "fails.toml"), 3)
     assert np.isnan(campaign.column("B_fails_s")).all()
     assert not np.isnan(campaign.column("A_fails_s")).any()
     for case in range(3):
@@ -76,7 +65,7 @@ def test_coasting_spacecraft_do_not_fail():
 
 def test_failures_have_the_given_chance_at_any_time():
     """The shares of 4000 samples agree within five standard errors."""
-    scenario = parse(FAILS.replace("0.5 }", "0.2 }"), "fails.toml", "study")
+    scenario = parse(FAILS.replace("0.5 }", "0.2 }"), "fails.toml")
     shares = np.array([failing(scenario, 3, case) for case in range(2000)]).ravel()
     failed = shares[~np.isnan(shares)]
     assert abs(len(failed) / 4000 - 0.2) < 5.0 * np.sqrt(0.2 * 0.8 / 4000)
@@ -100,7 +89,7 @@ def test_reasons_name_the_drifting_spacecraft(campaign):
 def test_pages_of_cases_name_unmet_goals(campaign):
     """Unmet goals of the table are those of the verdict."""
     for case in range(24):
-        mission = plan_mission(case_of(parse(FAILS, "fails.toml", "study"), case))
+        mission = plan_mission(case_of(parse(FAILS, "fails.toml"), case))
         unmet = [what for what, _, met in requirements(mission) if not met]
         assert (not unmet) == mission.verdict.ok
         drifts = [one.craft for one in mission.lost if one.needed]
@@ -110,8 +99,8 @@ def test_pages_of_cases_name_unmet_goals(campaign):
 def test_errors_with_failures():
     """A case with failures is that of errors alone until the failure."""
     both = TWICE.replace("[study.vary]\n", '[study.vary]\n"craft.fails" = { chance = 1 }\n')
-    one = plan_mission(case_of(parse(both, "both.toml", "study"), 1))
-    other = plan_mission(case_of(parse(TWICE, "both.toml", "study"), 1))
+    one = plan_mission(case_of(parse(both, "both.toml"), 1))
+    other = plan_mission(case_of(parse(TWICE, "both.toml"), 1))
     before = np.linspace(0.0, min(lost.time for lost in one.lost), 50)
     np.testing.assert_allclose(one.paths.state(before), other.paths.state(before), atol=1e-9)
     assert [lost.craft for lost in one.lost] == ["A"]  # B coasts all along
@@ -120,4 +109,4 @@ def test_errors_with_failures():
 
 def test_chance_of_failure_is_validated():
     with pytest.raises(ScenarioError, match=re.escape("is true or false; write { chance = 0.01 }")):
-        parse(FAILS.replace("{ chance = 0.5 }", '{ normal = "1 m" }'), "fails.toml", "study")
+        parse(FAILS.replace("{ chance = 0.5 }", '{ normal = "1 m" }'), "fails.toml")

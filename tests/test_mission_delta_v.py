@@ -10,17 +10,14 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from bridge import hill
-from closeform.cli.console import WIDTH
 from closeform.fuel.bound import least_delta_v
 from closeform.mission.mission import plan_mission
 from closeform.motion.path import ends_of
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, parse
-from test_mission_search import Run, run_text
+from runs import G0, N, Run, plain
 
-N = np.sqrt(398600.4418e9 / 6878137.0**3)  # rad/s at 500 km, Kepler
 TURN = 2 * np.pi / N
-G0 = 9.80665
 MILLIMETRE = 1e-3
 
 ALONE = """\
@@ -73,20 +70,6 @@ to = { position = "0 8 80 m", velocity = "0 0 0 m/s" }
 within = "0.2 orbits"
 STAGE
 """
-
-
-@pytest.fixture(autouse=True)
-def pictureless(monkeypatch):
-    """Skip pictures, which have tests of their own."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-
-
-@pytest.fixture
-def ran(tmp_path, monkeypatch, capsys):
-    def run(text: str) -> Run:
-        return run_text(text, tmp_path, monkeypatch, capsys)
-
-    return run
 
 
 def alone(keys: str = "", **changes: str) -> str:
@@ -152,17 +135,6 @@ def check_sums(run: Run, craft: str, mass: float = 12.0, impulse: float = 60.0) 
     assert sum(burn["propellant_kg"] for burn in burns) == pytest.approx(kilograms, rel=1e-6)
     assert run.summary["propellant_kg"][craft] == pytest.approx(kilograms, rel=1e-9)
     assert run.summary["delta_v_m_s"][craft] == pytest.approx(spent, rel=1e-9)
-
-
-def plain(run: Run) -> None:
-    """Check that the output has no inf or nan and fits the terminal."""
-    page = re.sub(r'src="data:[^"]*"', "", (run.folder / "report.html").read_text())
-    for text in (run.printed, page):
-        assert not re.search(r"\b(inf|nan)\b", text)
-    lines = [
-        line for line in run.printed.splitlines() if "stopped in" not in line and "results in" not in line
-    ]
-    assert all(len(line) <= WIDTH for line in lines)
 
 
 def test_listed_impulses_reach_the_goal(ran):
@@ -284,13 +256,6 @@ def test_limits_as_force_and_acceleration_agree():
     assert force.delta_v == pytest.approx(acceleration.delta_v, rel=1e-12)
 
 
-def test_impossible_option_has_a_reason():
-    """Two impulses one orbit apart reach only positions along the track."""
-    (section,) = RunReport(plan_mission(parse(alone(within='"1 orbit"')))).sections
-    (told,) = (line for line in section.closing if line.startswith("No "))
-    assert re.fullmatch(r"No impulses at both ends: .* miss the position by at least \S+ m", told)
-
-
 def test_avoidance_by_impulses(ran):
     run = ran(passage())
     assert run.status == 0
@@ -337,17 +302,6 @@ def test_pulses_keep_zones(ran, cost):
     plain(run)
 
 
-def test_avoidance_from_a_coast_has_no_relative_cost(ran):
-    """The minimum without zones is zero, so that no share of it is printed."""
-    text = re.sub(r"^to = .*$", "", passage(), flags=re.MULTILINE).replace("0.2 orbits", "0.5 orbits")
-    run = ran(text.replace("0 8 -80 m", "0 5 60 m"))
-    assert run.status == 0
-    assert "Optimality gap: lower bound 0 m/s" in run.printed
-    assert "energy" not in run.printed
-    check_sums(run, "Q")
-    plain(run)
-
-
 def test_pulses_that_violate_a_zone_give_status_1(ran):
     """The end is a centimetre outside the zone, and pulses deviate into it."""
     text = passage('max_thrust = "20 mN"\nthrusters = "rtn"\nperiod = "120 s"', 'cost = "energy"')
@@ -385,17 +339,6 @@ def test_named_thrusters_are_the_table_of_six():
     assert (one.pulsed.firing.pulses.start == other.pulsed.firing.pulses.start).all()
     speed = plan_mission(parse(alone(ON_OFF.replace("1 mN s", "0.0833333333333 mm/s")))).results[0]
     assert speed.pulsed.firing.delta_v == pytest.approx(one.pulsed.firing.delta_v, rel=1e-9)
-
-
-def test_missing_thrust_direction_stops_the_mission(ran):
-    run = ran(alone('max_thrust = "0.1 N"\nthrusters = { directions = [[0, 1, 0], [0, -1, 0]] }'))
-    assert run.status == 1
-    assert "no thruster acts cross-track" in run.printed
-
-
-def test_energy_needs_a_period():
-    with pytest.raises(ScenarioError, match=r"craft\.period: missing"):
-        parse(alone(ON_OFF.replace('period = "30 s"', ""), cost='"energy"'))
 
 
 def test_avoidance_by_burns_within_a_limit(ran):
@@ -466,13 +409,6 @@ def test_missing_thrust_direction_names_the_spacecraft(do):
         text = text.replace(goal, goal.replace("{", "[{").replace("}", "}]"))
     with pytest.raises(ScenarioError, match=r"stage\[1\]: thrusters: Q: .*no thruster acts cross-track"):
         plan_mission(parse(text))
-
-
-def test_verdict_without_zones():
-    report = RunReport(plan_mission(parse(alone())))
-    assert "no conflict remains" in str(report.mission.verdict)  # a single spacecraft
-    two = alone(name='["I", "J"]', position='["0 500 0 m", "0 9 0 m"]', do='"transfer"\ncraft = "J"')
-    assert "no search for conflicts" in str(plan_mission(parse(two)).verdict)
 
 
 def test_six_impulses_of_the_inspector_are_optimal(ran):
@@ -577,48 +513,6 @@ def test_zones_grow_only_as_pulses_need():
 
     assert least([pulsed.firing.path[k] for k in range(4)]) > 45.0 - MILLIMETRE
     assert least(pulsed.planned.paths) > 45.0 * pulsed.room.larger - MILLIMETRE
-
-
-def test_planned_and_fired_delta_v_are_both_reported(ran):
-    """Table of the plan, table of the pulses, text and summary agree."""
-    run = ran(alone(ON_OFF, cost='"energy"'))  # planned thrust has any direction
-    (shot,) = run.summary["stages"][0]["transfer"]["pulsed"]["craft"]
-    planned = run.summary["stages"][0]["transfer"]["planned"]["delta_v_m_s"]
-    fired = run.summary["delta_v_m_s"]["I"]
-    assert fired > planned
-    assert (shot["planned_m_s"], shot["delta_v_m_s"]) == pytest.approx((planned, fired), rel=1e-9)
-    assert f"Delta-v fired {fired:.6g} m/s, for {planned:.6g} m/s planned" in run.printed
-    heads = [line for line in run.printed.splitlines() if "delta-v [m/s]" in line]
-    assert "planned delta-v [m/s]" in heads[0]
-    assert "fired [m/s]" in run.printed
-    assert f"Delta-v planned {planned:.6g} m/s" in run.printed
-
-
-def test_no_relative_cost_of_almost_zero(ran):
-    """A dash replaces the share where the direct path needs almost no delta-v."""
-    places = "0 100 0 m", "0 0 100 m", "0 -100 0 m", "0 0 -100 m"
-    goals = ", ".join(
-        f'{{ position = "{place}", velocity = "0 0 0 m/s" }}' for place in places[2:] + places[:2]
-    )
-    run = ran(
-        f"""closeform = 1
-title = "Swap"
-[orbit]
-altitude = "550 km"
-[craft]
-name = ["A", "B", "C", "D"]
-position = {list(places)}
-velocity = "0 0 0 m/s"
-keep_out = {{ sphere = "20 m" }}
-[[stage]]
-do = "reconfigure"
-cost = "delta-v"
-within = "0.5 orbits"
-to = [{goals}]
-""".replace("'", '"')
-    )
-    table = run.printed.split("extra [%]")[1].splitlines()[1:5]
-    assert [line.split()[2] == "-" for line in table] == [False, True, False, True], table
 
 
 RING = """\

@@ -11,12 +11,11 @@ from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
-from closeform.cli.console import WIDTH
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from resimulated import faults
-from test_mission_search import Run, run_text
+from runs import Run, run_text
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -38,12 +37,6 @@ start = { string_of_pearls = { spacing = "100 m" } }
 mass = "100 kg"
 keep_out = { sphere = "20 m" }
 """
-
-
-@pytest.fixture
-def pictureless(monkeypatch):
-    """Omit pictures, which have tests of their own."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
 
 
 def fleet(*stages: str, text: str = FLEET, **changes: str) -> str:
@@ -120,14 +113,6 @@ def test_f6_scatters_and_regathers(f6) -> None:
     check_plan(f6, back, home)
     peak = max(flown.after.paths.peak_thrust.max() for flown in f6.results)
     assert 150.0 * peak <= 1.5  # N
-
-
-def test_f6_output_agrees_with_its_results(pictureless, tmp_path, monkeypatch, capsys) -> None:
-    run = run_text((EXAMPLES / "f6_scatter.toml").read_text(), tmp_path, monkeypatch, capsys)
-    assert run.status == 0
-    assert max(map(len, run.printed.splitlines()[:-1])) <= WIDTH
-    check_cost_table(run, 2, "threat")
-    check_cost_table(run, 4, "")
 
 
 def check_cost_table(run: Run, number: int, name: str) -> None:
@@ -244,33 +229,6 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     assert page.split("Active constraints: contacts with keep-out zones</summary>")[1].split("</table>")[
         0
     ].count("<td class") == len(plan.contacts)
-
-
-def test_use_of_limits(pictureless, tmp_path, monkeypatch, capsys) -> None:
-    """Report the greatest share of each limit, of delta-v and propellant over all stages so far."""
-    text = fleet(SPREAD, BACK).replace(
-        'mass = "100 kg"',
-        'mass = "100 kg"\nmax_thrust = "1 N"\nspecific_impulse = "70 s"\npropellant = "1 kg"\n'
-        'delta_v_budget = ["9 m/s", "0.9 m/s", "9 m/s", "9 m/s"]',
-    )
-    mission = plan_mission(parse(text))
-    run = run_text(text, tmp_path, monkeypatch, capsys)
-    thrust = r"^Peak: thrust (\S+) of 1 N \((\S+)\)$"
-    spent = r"^Highest use so far: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
-    peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
-    delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
-    for row, (flown, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
-        left = 100.0 - (burnt[row - 1] if row else 0.0)
-        force = dict(zip(mission.scenario.names, left * flown.after.paths.peak_thrust, strict=True))
-        assert force[who] == pytest.approx(max(force.values()), rel=1e-9)  # two are equal
-        assert float(peak) == pytest.approx(force[who], rel=5e-4)  # four digits
-        assert delta_v[row].argmax() != 1  # F2 has the tightest budget, and spends less than others
-        assert float(total[0]) == pytest.approx(delta_v[row, 1], rel=5e-4)
-        assert float(total[1]) == pytest.approx(1e3 * burnt[row].max(), rel=5e-4)
-        told = run.summary["stages"][row]["limits"]
-        assert told["thrust_N"] == {"craft": who, "used": pytest.approx(force[who]), "limit": 1.0}
-        assert told["delta_v_m_s"] == {"craft": "F2", "used": pytest.approx(delta_v[row, 1]), "limit": 0.9}
-        assert told["propellant_kg"]["used"] == pytest.approx(burnt[row].max())
 
 
 def test_swap_in_deep_space() -> None:
@@ -419,7 +377,7 @@ def test_low_thrust_extends_the_duration() -> None:
     assert "Tried: " in told
 
 
-def test_low_thrust_without_extension_stops_the_mission(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_low_thrust_without_extension_stops_the_mission(undrawn, tmp_path, monkeypatch, capsys) -> None:
     quick = SPREAD.replace("0.5 orbits", "0.05 orbits")
     run = run_text(
         weak(f"{quick}\nif_blocked = []", 'do = "coast"\nfor = "1 min"'), tmp_path, monkeypatch, capsys
@@ -435,7 +393,7 @@ def test_low_thrust_without_extension_stops_the_mission(pictureless, tmp_path, m
     assert run.summary["warnings"] == []  # they are not used
 
 
-def test_end_inside_a_zone_is_rejected_by_name(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_end_inside_a_zone_is_rejected_by_name(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """F4 coasts at 150 m; F1 requests 140 m, at half the keep-out radius."""
     stage = 'do = "reconfigure"\ncraft = ["F1"]\nwithin = "1 h"\n'
     stage += 'to = [{ position = "0 140 0 m", velocity = "0 0 0 m/s" }]'
@@ -450,7 +408,7 @@ def test_end_inside_a_zone_is_rejected_by_name(pictureless, tmp_path, monkeypatc
     assert run.printed.count("0.50 x zone") == 1  # in the verdict only
 
 
-def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_propellant_and_its_warnings(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """Integrate the mass flow -F/(g Isp) of every stage; F2 has too little propellant."""
     text = fleet(SPREAD, BACK).replace(
         'mass = "100 kg"',
@@ -481,24 +439,6 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
     assert over in run.printed
     check_cost_table(run, 1, "spread")
     assert "propellant [g]" in run.printed
-
-
-def test_output_of_many_spacecraft_is_short(pictureless, tmp_path, monkeypatch, capsys) -> None:
-    names = ", ".join(f'"C{k}"' for k in range(45))
-    run = run_text(fleet(SPREAD, name=f"[{names}]"), tmp_path, monkeypatch, capsys)
-    assert run.status == 0
-    assert len(run.printed.splitlines()) < 40
-    assert "Paths of the plan, all 45 craft" in run.printed
-    assert len(run.summary["stages"][0]["plan"]["craft"]) == 45
-
-
-def test_slots_of_a_start_formation() -> None:
-    """Pearls 100 m apart are centred on the origin, the last one ahead."""
-    scenario = parse(fleet(BACK.replace("regather", "coast").split("\n")[0] + '\nfor = "1 h"'))
-    orbit = scenario.orbit.build()
-    places = np.array([craft.state(orbit) for craft in scenario.craft])
-    np.testing.assert_allclose(places[:, 1], [-150.0, -50.0, 50.0, 150.0])
-    np.testing.assert_allclose(np.delete(places, 1, axis=1), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -584,7 +524,7 @@ if_blocked = ["stagger", "more sides"]
 
 
 @pytest.mark.slow
-def test_missing_plan_names_the_obstacle_and_the_measures(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_missing_plan_names_the_obstacle_and_the_measures(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """Four obstacles 60.6 m away with 59 m zones leave no gap."""
     run = run_text(CAGED, tmp_path, monkeypatch, capsys)
     assert run.status == 1
@@ -602,7 +542,7 @@ def test_missing_plan_names_the_obstacle_and_the_measures(pictureless, tmp_path,
     assert run.printed.count("Tried: ") == len(plan["measures"])
 
 
-def test_engine_too_weak_for_any_duration(pictureless, tmp_path, monkeypatch, capsys) -> None:
+def test_engine_too_weak_for_any_duration(undrawn, tmp_path, monkeypatch, capsys) -> None:
     """1e-9 uN for 100 kg: the message gives the need at the longest duration tried."""
     run = run_text(weak(SPREAD, thrust='"1e-9 uN"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1

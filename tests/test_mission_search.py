@@ -1,15 +1,12 @@
 """Search stages in missions: output and results against independent models."""
 
-import json
 import re
 import runpy
 import tomllib
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet
 import pytest
 
 import closeform as cf
@@ -18,10 +15,9 @@ from closeform.cli.app import main
 from closeform.cli.console import WIDTH
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
-from closeform.scenario import load, parse
-from closeform.storage.publishing import folder
+from closeform.scenario import parse
 from lost import BASIC, Sky, gathered
-from scenarios import LOST
+from runs import AFTER, FIRST, MOVING, PLACES, Run, run_text, searched
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -29,20 +25,6 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 TOOLS = EXAMPLES.parent / "tools"
 RATE = np.radians(0.25)
 DIGITS = 0.51  # of the last digit printed
-
-
-@dataclass
-class Run:
-    status: int
-    printed: str
-    folder: Path
-
-    def table(self, name: str) -> list[dict]:
-        return pyarrow.parquet.read_table(self.folder / f"{name}.parquet").to_pylist()
-
-    @property
-    def summary(self) -> dict:
-        return json.loads((self.folder / "summary.json").read_text())
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +53,6 @@ def two_apart(stage: str) -> str:
         half_angle='"70 deg"\nrange = "500 m"',
     )
     return text.replace('do = "gather"\nrounds = 2', stage)
-
-
-def run_text(text: str, tmp_path: Path, monkeypatch, capsys, *, pictures: bool = False) -> Run:
-    if not pictures:
-        monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-    (tmp_path / "case.toml").write_text(text)
-    status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
-    return Run(status, capsys.readouterr().out, tmp_path / "results")
 
 
 def states(file: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -264,33 +238,6 @@ def test_incomplete_gathering_of_a_swarm(fly_file, monkeypatch, capsys) -> None:
     assert sum(flown.result.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
 
 
-AFTER = """
-[[stage]]
-do = "coast"
-for = "100 s"
-"""
-FIRST = """
-[[stage]]
-name = "drift"
-do = "coast"
-for = "10 s"
-"""
-
-
-def searched(before: str = "", after: str = "", keep_out: str = '{ sphere = "10 m" }', **changes: str) -> str:
-    """Return the scenario LOST without its study, with stages around its gathering."""
-    text = LOST.split("\n[study]")[0].replace("\n[[stage]]", f"{before}\n[[stage]]", 1) + after
-    text = text.replace("[craft]", f"[craft]\nkeep_out = {keep_out}")
-    for key, new in changes.items():
-        assert len(re.findall(rf"^{key} = .*$", text, re.MULTILINE)) == 1
-        text = re.sub(rf"^{key} = .*$", f"{key} = {new}", text, flags=re.MULTILINE)
-    return text
-
-
-PLACES = '["0 0 0 m", "-100 0 0 m", "0 90 200 m"]'  # not in view of each other
-MOVING = '["0 0 0 cm/s", "1 2 3 cm/s", "-2 1 -4 cm/s"]'
-
-
 def test_gathering_starts_at_the_end_of_the_previous_stage() -> None:
     both = plan_mission(parse(searched(FIRST, AFTER, position=PLACES, velocity=MOVING)))
     late = plan_mission(
@@ -427,15 +374,6 @@ def test_each_pair_has_its_own_zone() -> None:
     }
 
 
-def test_long_timeline_is_folded() -> None:
-    mission = plan_mission(load(EXAMPLES / "swarm.toml"))
-    tables = {table.title.split(",")[0]: table for table in RunReport(mission).sections[0].tables}
-    assert tables["Timeline"].folded
-    assert tables["Delta-v of each craft"].folded
-    assert not tables["Progress at the end of each phase with events"].folded
-    assert len(tables["Timeline"].rows) == len(mission.results[0].result.events)
-
-
 def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> None:
     """60 m apart on the sun line no cone meets the other; both burn 24 cm/s backwards (H03 III.C)."""
     text = searched(name='["L1", "L2"]', group='["A", "B"]', position='["0 0 0 m", "0 0 60 m"]')
@@ -451,24 +389,3 @@ def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> N
     ).groups()
     assert float(near) == pytest.approx(81.0, abs=0.5)  # H03: about 80 m
     assert float(wait) == pytest.approx(float(near) / 0.12, abs=0.5)
-
-
-def test_progress_messages(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("closeform.report.sections.searches.FRAMES", 2)
-    monkeypatch.setattr("closeform.report.sections.searches.MOMENTS", 1)
-    said: list[str] = []
-    mission = plan_mission(parse(searched(position=PLACES, velocity=MOVING)), said.append)
-    with folder(tmp_path / "results") as under_way:
-        RunReport(mission).write(under_way, said.append)
-    assert said[0] == "stage 1 of 1: gather"
-    assert said[-1].startswith("picture 2 of 2")
-
-
-def test_tpf_states_tool_accepts_its_states() -> None:
-    """tools/tpf_states.py: the four locks are within a second of the times of H03."""
-    tool = runpy.run_path(str(TOOLS / "tpf_states.py"))
-    places, speeds = states(EXAMPLES / "tpf.toml")
-    five = np.concatenate([places, speeds], axis=1)
-    assert tool["score"](five) < 1.0
-    assert tool["fits"](five[1:] - five[:1]).all()
-    assert tool["score"](five[[0, 3, 2, 1, 4]]) == np.inf  # the same craft, but TPF4 is found first

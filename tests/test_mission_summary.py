@@ -12,7 +12,7 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import parse
-from test_verdict import LOST
+from verdicts import LOST
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 G0 = 9.80665
@@ -49,13 +49,8 @@ within = "2000 s"
 SPENT = np.array([3 * 200 / 1000 + 3 * 200 / 2000, 3 * 100 / 2000])
 
 
-@pytest.fixture
-def pictureless(monkeypatch) -> None:
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-
-
 def test_delta_v_propellant_and_thrust_used_by_each_spacecraft(
-    pictureless, tmp_path, monkeypatch, capsys
+    undrawn, tmp_path, monkeypatch, capsys
 ) -> None:
     """By hand: 3 L / T of delta-v from rest to rest, the rocket equation, 6 L / T^2 of thrust."""
     monkeypatch.chdir(tmp_path)

@@ -16,7 +16,8 @@ from closeform.exchange.ephemerides.covariance import Covariances, axes, inertia
 from closeform.exchange.ephemerides.propagated_covariance import covariance_at
 from closeform.motion.elements.frames import relative_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_MU
-from test_ccsds import GOOD, circular
+from damage import assert_refused, read_or_refused, spoilt
+from orbit_files import GOOD, circular
 
 # Made with random numbers: a square root times its transpose, eight digits as in the standard's example.
 ROWS = """\
@@ -85,7 +86,6 @@ LINES = FILE.splitlines()
 AT = LINES.index("COVARIANCE_START") + 1  # number of that line
 DAMAGE = {
     "no epoch": (lambda text: text.replace(FIRST, "COV_REF_FRAME = RTN\n"), f"line {AT + 1}: a covariance without EPOCH"),
-    "no such epoch": (lambda text: text.replace(FIRST[:25], "EPOCH = yesterday"), f"line {AT + 1}: .*is not a valid epoch"),
     "unknown frame": (
         lambda text: text.replace("RTN", "LVLH"),
         f"line {AT + 2}: COV_REF_FRAME LVLH is not supported; give covariances in one of RTN, RSW, TNW, EME2000",
@@ -94,16 +94,6 @@ DAMAGE = {
         lambda text: text.replace(ROWS.splitlines()[2] + "\n", "", 1),
         f"line {AT + 5}: 4 values in place of row 3 of a lower triangle",
     ),
-    "the last row lost": (
-        lambda text: text.replace(ROWS.splitlines()[5] + "\n", "", 1),
-        f"line {AT + 1}: covariance of 2016-12-31T23:59:50 has fewer than six rows",
-    ),
-    "a full matrix": (
-        lambda text: text.replace("4.1024000e-04\n", "4.1024000e-04 0 0 0 0 0\n", 1),
-        f"line {AT + 3}: 6 values in place of row 1",
-    ),
-    "a seventh row": (lambda text: text.replace("\n" + SECOND, "1 2 3 4 5 6 7\n" + SECOND), f"line {AT + 9}: 7 values in place of row 7"),
-    "a word": (lambda text: text.replace("4.1024000e-04", "large"), f"line {AT + 3}: 'large' is not a number"),
     "not finite": (
         lambda text: text.replace("4.1024000e-04", "nan"),
         f"line {AT + 1}: covariance of 2016-12-31T23:59:50: a value is not finite",
@@ -112,48 +102,27 @@ DAMAGE = {
         lambda text: text.replace("1.2288000e-04", "1.2288000e-03", 1),
         f"line {AT + 1}: covariance of 2016-12-31T23:59:50: .*smallest eigenvalue",
     ),
-    "a negative variance": (lambda text: text.replace("4.1943040e-10", "-4.1943040e-10"), "smallest eigenvalue"),
     "epochs that fall": (
         lambda text: text.replace("2017-01-01T00:00:10\n4", "2016-12-31T23:59:40\n4"),
         f"line {AT + 10}: epochs of covariances must increase",
     ),
     "never closed": (lambda text: text.replace("COVARIANCE_STOP\n", ""), "COVARIANCE_STOP is missing"),
-    "opened twice": (
-        lambda text: text.replace("COVARIANCE_START\n", "COVARIANCE_START\n" * 2),
-        f"line {AT + 1}: COVARIANCE_START is out of place",
-    ),
-    "before metadata": (lambda text: text.replace("ORIGINATOR", BLOCK + "ORIGINATOR"), "COVARIANCE_START is out of place"),
 }  # fmt: skip
 
 
 def test_damaged_covariances_give_one_line(tmp_path):
-    for case in DAMAGE:
-        change, message = DAMAGE[case]
+    for change, message in DAMAGE.values():
         assert change(FILE) != FILE
-        file = written(tmp_path, change(FILE))
-        with pytest.raises(ValueError, match=message) as caught:
-            read_oem(file)
-        assert str(caught.value).startswith(f"{file}: ")
-        assert "\n" not in str(caught.value)
+        assert_refused(read_oem, written(tmp_path, change(FILE)), message)
 
 
 @given(data=st.data())
 @settings(max_examples=50)
 def test_random_damage_gives_one_line(tmp_path_factory, data):
-    text = FILE
-    for _ in range(data.draw(st.integers(1, 3))):
-        start = data.draw(st.integers(len(GOOD), len(text)))
-        stop = min(len(text), start + data.draw(st.integers(0, 30)))
-        letters = st.text(alphabet="0123456789.-:=TZe nafCOV_EPH\n<>[]", max_size=8)
-        text = text[:start] + data.draw(letters) + text[stop:]
-    file = written(tmp_path_factory.getbasetemp(), text)
-    try:
-        held = read_oem(file).covariances
-    except ValueError as error:
-        assert str(error).startswith(f"{file}: ")  # noqa: PT017
-        assert "\n" not in str(error)  # noqa: PT017
-    else:
-        assert held is None or np.isfinite(held.matrices).all()
+    text = spoilt(FILE, data, "0123456789.-:=TZe nafCOV_EPH\n<>[]", len(GOOD))
+    found = read_or_refused(read_oem, written(tmp_path_factory.getbasetemp(), text))
+    held = None if found is None else found.covariances
+    assert held is None or np.isfinite(held.matrices).all()
 
 
 def test_invalid_covariance_is_rejected():

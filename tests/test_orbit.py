@@ -469,48 +469,23 @@ def test_integrator_of_the_tests_agrees_with_the_reference():
 
 
 BAD = {
-    "state shape": (lambda o: o.coast([1, 2, 3], 10.0), "state: expected shape"),
-    "state nan": (lambda o: o.coast([np.nan] * 6, 10.0), "state: every number must be finite"),
     "duration zero": (lambda o: o.coast(INITIAL, 0.0), "duration: must be positive"),
-    "duration negative": (lambda o: o.transfer(INITIAL, FINAL, -5.0), "duration: must be positive"),
     "duration tiny": (
         lambda o: o.transfer(INITIAL, FINAL, 1e-80),
         "duration: must be at least 1e-12 s, got 1e-80",
-    ),
-    "duration denormal": (
-        lambda o: o.coast(INITIAL, 1e-320),
-        "duration: must be at least 1e-12 s, got 9.99989e-321",
     ),
     "duration without end": (
         lambda o: o.transfer(INITIAL, FINAL, 1e14),
         r"duration: must be at most 1e\+06 orbits",
     ),
-    "mean motion without end": (lambda o: cf.Orbit(1e50).coast(INITIAL, 1.0), "duration: must be at most"),
     "times tiny": (
         lambda o: o.sampled([0.0, 1e-80], [INITIAL] * 2),
         "times: each interval must be at least",
     ),
-    "duration inf": (lambda o: o.coast(INITIAL, np.inf), "duration: every number must be finite"),
     "duration lost": (lambda o: o.coast(INITIAL, 1e-3, start=1e15), r"duration: 0\.001 s "),
-    "start nan": (lambda o: o.coast(INITIAL, 1.0, start=np.nan), "start: every number must be finite"),
-    "final shape": (lambda o: o.transfer(INITIAL, [1, 2], 1.0), "final: expected shape"),
-    "final inf": (lambda o: o.two_impulse(INITIAL, [np.inf] * 6, 1.0), "final: every number"),
-    "initial nan": (lambda o: o.transfer([np.nan] * 6, FINAL, 1.0), "initial: every number"),
-    "acceleration shape": (lambda o: o.burn(INITIAL, [1, 2], 1.0), "acceleration: expected shape"),
-    "acceleration nan": (lambda o: o.burn(INITIAL, [0, 0, np.nan], 1.0), "acceleration: every"),
-    "one sample": (lambda o: o.sampled([0.0], [INITIAL]), "states: expected shape"),
-    "samples short": (lambda o: o.sampled([0.0, 1, 2], [INITIAL] * 2), "states: expected shape"),
     "times back": (lambda o: o.sampled([1.0, 0.0], [INITIAL] * 2), "times: must increase"),
-    "times twice": (lambda o: o.sampled([1.0, 1.0], [INITIAL] * 2), "times: must increase"),
-    "times nan": (lambda o: o.sampled([0.0, np.nan], [INITIAL] * 2), "times: every number"),
-    "samples nan": (lambda o: o.sampled([0.0, 1.0], [INITIAL * np.nan] * 2), "states: every number"),
-    "transition nan": (lambda o: o.transition(np.nan), "duration: every number must be finite"),
     "mean motion": (lambda o: cf.Orbit(-1e-3), "mean_motion: must be"),
-    "mean motion nan": (lambda o: cf.Orbit(np.nan), "mean_motion: must be"),
     "altitude": (lambda o: cf.Orbit.circular(-7e6), "altitude"),
-    "mu": (lambda o: cf.Orbit.circular(5e5, mu=-1.0), "mu: must be positive"),
-    "period": (lambda o: cf.Orbit.from_period(0.0), "period: must be positive"),
-    "axis": (lambda o: cf.Orbit.from_semi_major_axis(-1.0), "semi_major_axis: must be positive"),
 }
 
 

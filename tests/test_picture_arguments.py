@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from calls import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, STAYS, is_named
+from calls import CALLS as OTHERS
 from closeform.scenario import ScenarioError
-from test_arguments import BALL, COAST, GATHERED, MOVE, REST, SEARCH, STAYS, is_named
-from test_arguments import CALLS as OTHERS
-from test_public_interface import CALLABLES
+from public_names import CALLABLES
 
 mpl.use("agg")
 KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)

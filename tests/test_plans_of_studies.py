@@ -12,9 +12,7 @@ from closeform.campaign import case_of, evaluated, mission_cases
 from closeform.campaign.mission_cases import MOST_PLANS, Plans
 from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
-from test_loss_of_thrust_studies import FAILS
-from test_sampled_errors import TWICE
-from test_simulated_studies import MANY
+from studies import FAILS, MANY, TWICE
 
 STARTS = '"craft.position" = { normal = "1 m" }\n'
 LIMITS = '"craft.max_acceleration" = { choice = ["5 mm/s^2", "9 mm/s^2"] }\n'
@@ -41,7 +39,7 @@ def plan_inputs(case):
 )
 def test_plan_is_made_once_for_equal_inputs(text, plans, monkeypatch):
     """Rows equal those of single runs bit by bit, in chunks of any order."""
-    scenario, made = parse(text, "plans.toml", "study"), []
+    scenario, made = parse(text, "plans.toml"), []
     runs = [plan_mission(case_of(scenario, case)) for case in range(8)]
     planned = mission_cases.staged
     monkeypatch.setattr(
@@ -99,7 +97,7 @@ def test_number_of_stored_plans_is_bounded():
 
 def test_copies_of_a_study_hold_no_plans():
     """A pickled or copied result gives the same rows."""
-    campaign = evaluated(parse(FAILURES, "plans.toml", "study"), 4)
+    campaign = evaluated(parse(FAILURES, "plans.toml"), 4)
     for twin in (pickle.loads(pickle.dumps(campaign)), copy.deepcopy(campaign)):
         assert campaign.kind.plans.held
         assert not twin.kind.plans.held

@@ -15,8 +15,8 @@ from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.uncertainty.white_noise import BLOCK, increments, velocity_changes, with_velocity_changes
 from philox import block
+from studies import NEAR
 from test_noisy_trajectories import noise_of
-from test_sampled_errors import NEAR
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion
@@ -55,7 +55,7 @@ def in_stages(text, *lengths):
 
 
 def scenario_of(text):
-    return parse(text, "coasts.toml", "study")
+    return parse(text, "coasts.toml")
 
 
 def has_covariance(deviations, covariance):
@@ -185,7 +185,7 @@ def test_runs_reproduce_the_cases_of_a_study():
         'pointing = "0.5 deg" }, "exact"]',
         'pointing = "0.5 deg", noise = "1e-7 m^2/s^3" }, { noise = "2e-8 m^2/s^3" }]',
     )
-    scenario = parse(noisy, "near.toml", "study")
+    scenario = parse(noisy, "near.toml")
     campaign = evaluated(scenario, 80)
     entered = campaign.zones[0]
     assert 4 < campaign.counts["zone"].any < 76

@@ -217,7 +217,7 @@ def test_stage_closes_its_gap_on_request():
     )
     plans = []
     for some in (text, half, asked):
-        mission = plan_mission(parse(some, "cluster.toml", "run"))
+        mission = plan_mission(parse(some, "cluster.toml"))
         plans.append(mission.results[1].result.plan)
         said = [line for one in RunReport(mission).sections for line in one.lines + one.closing]
         assert any("lower bound" in line for line in said)

@@ -6,20 +6,16 @@ import inspect
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from enum import Enum
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import closeform as cf
+from public_names import CALLABLES, RESULTS, properties
 
 PACKAGE = Path(cf.__file__).parent
 PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
-# Made by functions, never by a user: nothing to raise.
-RESULTS = {"Approach", "CommonFrame", "Conflict", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"GatherStatus", "Gathering", "Gatherings", "Locks"}
 RESULTS |= {"LockProof", "LongestLock"}
@@ -50,44 +46,6 @@ RESULTS |= {
 }
 
 
-def members(owner: type) -> Iterator[tuple[str, Any]]:
-    """What a class defines itself, or takes from a base of the package that has no public name."""
-    for base in owner.__mro__:
-        if base is owner or (base.__module__.startswith("closeform") and base.__name__ not in cf._HOMES):
-            yield from vars(base).items()
-
-
-def methods(owner: type) -> Iterator[tuple[str, Any]]:
-    """Its public methods."""
-    for name, member in members(owner):
-        function = getattr(member, "__func__", member)  # of a class method
-        if not name.startswith("_") and inspect.isfunction(function):
-            yield name, function
-
-
-def callables() -> dict[str, Any]:
-    """Every public function, class and method by its full name."""
-    public = {name: getattr(cf, name) for name in cf._HOMES}
-    for module in cf._MODULES:
-        public |= {
-            f"{module}.{name}": getattr(getattr(cf, module), name) for name in getattr(cf, module).__all__
-        }
-    found = {name: value for name, value in public.items() if callable(value)}
-    for name, value in public.items():
-        if inspect.isclass(value):
-            found |= {f"{name}.{method}": function for method, function in methods(value)}
-    return found
-
-
-CALLABLES = callables()
-
-
-def arguments(function: Any) -> list[str]:
-    if inspect.isclass(function) and issubclass(function, Enum):
-        return []
-    return [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
-
-
 def test_the_whole_surface_is_seen() -> None:
     seen = {"avoid", "Orbit.circular", "Path.state", "Zone.norm", "plots.distances", "targets.line"}
     assert seen <= set(CALLABLES)
@@ -101,13 +59,6 @@ def test_enumeration_members_are_documented() -> None:
     for enumeration in ENUMERATIONS:
         listed = re.findall(r"^    - `(\w+)`: \w.+[.;:,\w]$", enumeration.__doc__ or "", re.MULTILINE)
         assert listed == [member.name for member in enumeration]
-
-
-def properties() -> list[tuple[str, Any]]:
-    owners = [name for name in cf._HOMES if inspect.isclass(getattr(cf, name))]
-    found = [(owner, name, m) for owner in owners for name, m in members(getattr(cf, owner))]
-    public = [one for one in found if not one[1].startswith("_")]
-    return [(f"{owner}.{name}", m) for owner, name, m in public if isinstance(m, property | cached_property)]
 
 
 def test_properties_have_docstrings() -> None:

@@ -15,8 +15,8 @@ from closeform.report.page import table as as_html
 from closeform.scenario import parse
 from closeform.scenario.stages import STAGES
 from closeform.storage.result_folder import Folder
-from test_cli import GOOD
-from test_mission_search import AFTER, FIRST, MOVING, PLACES, searched
+from runs import AFTER, FIRST, MOVING, PLACES, searched
+from scenarios import GOOD
 
 NEARER = GOOD.replace('sphere = "20 m"', 'sphere = "25 m"')  # F3 passes F2 at 21.3 m
 DISTANCE = Column("distance [mm]", "distance_m", "{:.1f}".format, 1e3)

@@ -20,9 +20,9 @@ from closeform.report.run import RunReport
 from closeform.report.sections import effort, model
 from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
+from orbit_files import oem
 from pages import assert_linked
 from scenarios import GOOD
-from test_invalid_input import oem
 
 LIMITED = (
     "# Three in a row; the last\n# goes past both.\n"

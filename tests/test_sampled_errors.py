@@ -13,58 +13,14 @@ from closeform.mission.mission import plan_mission
 from closeform.report.sections import uncertain
 from closeform.scenario import parse
 from philox import block
+from studies import NEAR, TWICE
 
-TWICE = """\
-closeform = 1
-title = "Past a station and back"
-
-[orbit]
-altitude = "500 km"
-
-[craft]
-name = ["A", "B"]
-position = ["0 -200 0 m", "0 0 0 m"]
-velocity = "0 0 0 m/s"
-keep_out = { sphere = "25 m" }
-mass = "100 kg"
-max_thrust = "1 N"
-covariance = [{ position = "1 2 1 m", velocity = "1 1 1 mm/s" }, { position = "1 1 1 m" }]
-execution = [{ magnitude = "1 %", pointing = "0.5 deg" }, "exact"]
-
-[[stage]]
-do = "avoid"
-craft = "A"
-to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
-within = "0.3 orbits"
-cost = "delta-v"
-
-[[stage]]
-do = "coast"
-for = "1 min"
-
-[[stage]]
-do = "avoid"
-craft = "A"
-to = { position = "0 -200 0 m", velocity = "0 0 0 m/s" }
-within = "0.4 orbits"
-
-[study]
-cases = 6
-seed = 3
-draws = "replanned"
-
-[study.vary]
-"craft.mass" = { uniform = "20 kg" }
-"""
-NEAR = TWICE.replace(
-    'draws = "replanned"\n\n[study.vary]\n"craft.mass" = { uniform = "20 kg" }', 'draws = "errors"'
-)
 IMPULSES = TWICE.replace('max_thrust = "1 N"\n', "")
 
 
 @pytest.fixture(scope="module")
 def scenario():
-    return parse(TWICE, "twice.toml", "study")
+    return parse(TWICE, "twice.toml")
 
 
 def random_numbers(seed, key, case, count):
@@ -120,7 +76,7 @@ def test_stages_are_planned_from_the_deviated_state(scenario):
 
 def test_impulse_errors_follow_gates_model(scenario):
     """The error along an impulse is relative, and those across are angles."""
-    mission = plan_mission(case_of(parse(IMPULSES, "impulses.toml", "study"), 1))
+    mission = plan_mission(case_of(parse(IMPULSES, "impulses.toml"), 1))
     result = mission.results[0]
     plan, path = result.commanded.path("A"), result.after.path("A")
     sizes = random_numbers(3, "stage 1 of A", 1, 3 * len(plan.impulses)).reshape(-1, 3)
@@ -145,7 +101,7 @@ def test_starts_have_the_covariance(scenario):
         History(3, 5, "replanned").starts(scenario.craft[0]),
         atol=1e-12,
     )
-    alone = parse(TWICE.replace('"A", "B"', '"A", "Z"'), "twice.toml", "study")
+    alone = parse(TWICE.replace('"A", "B"', '"A", "Z"'), "twice.toml")
     np.testing.assert_array_equal(
         plan_mission(case_of(alone, 5)).results[0].after.path("A").state(0.0),
         mission.results[0].after.path("A").state(0.0),
@@ -172,7 +128,7 @@ def test_rows_have_the_final_deviations(scenario):
 def test_study_agrees_with_runs_of_cases():
     """Entries of 40 cases agree with runs of each case."""
     text = NEAR.replace('sphere = "25 m"', 'sphere = "31 m"').replace('"1 2 1 m"', '"6 9 6 m"')
-    scenario = parse(text, "near.toml", "study")
+    scenario = parse(text, "near.toml")
     campaign = evaluated(scenario, 3000)
     inside = campaign.counts["zone"]
     assert inside.any >= 20
@@ -190,7 +146,7 @@ def test_exact_stages_have_no_probabilities():
     bodies = 'hard_body = "2 m"\nkeep_out = { sphere = "20 m" }\n'
     text = TWICE.replace('keep_out = { sphere = "25 m" }\n', bodies)
     text = text.replace('for = "1 min"', 'for = "1 min"\nsigmas = 3.0')
-    mission = plan_mission(case_of(parse(text, "bodies.toml", "study"), 1))
+    mission = plan_mission(case_of(parse(text, "bodies.toml"), 1))
     burns, coast, again = (result.uncertain for result in mission.results)
     assert burns.bodies.pairs
     assert again.zones.pairs

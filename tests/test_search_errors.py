@@ -172,14 +172,10 @@ def test_outages():
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"pointing": [0.1, 0.2]}, r"pointing: expected shape \(\.\.\., 3\), got \(2,\)"),
         ({"pointing": [0.0, 0.0, 2.0]}, "pointing: must be above -1 and below 1.5708, got 2"),
         ({"slew_rate": -1.0}, "slew_rate: must be above -1 and below inf, got -1"),
-        ({"start": [0.0, inf]}, "start: must be above -inf and below inf, got inf"),
         ({"range": 0.0}, "range: must be positive, got 0"),
-        ({"slew_acceleration": -0.1}, "slew_acceleration: must be positive, got -0.1"),
         ({"silent": 1}, "silent: expected True or False for each craft, got 1"),
-        ({"start": [0.0, 1.0, 2.0], "slew_rate": [0.0, 0.0]}, "batch shapes do not broadcast: slew_rate"),
     ],
 )
 def test_errors_out_of_bounds_are_rejected(given, told):

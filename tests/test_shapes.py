@@ -481,23 +481,12 @@ def test_zones_of_two_obstacles_need_not_nest():
 
 
 BAD = {
-    "no length": (lambda: cf.Cylinder(1.0, 0.0), "half_length: must be positive and finite, got 0"),
-    "no radius": (lambda: cf.Cylinder(np.inf, 1.0), "radius: must be positive and finite, got inf"),
     "no axis": (lambda: cf.Cylinder(1.0, 2.0, [0, 0, 0]), "axis: must not be zero"),
-    "plane": (lambda: cf.Cylinder(1.0, 2.0, [1, 0]), r"axis: expected shape \(3,\), got \(2,\)"),
-    "flat": (lambda: cf.HalfSpaces([1, 0, 0], [1.0]), r"normals: expected shape \(F, 3\)"),
-    "none": (lambda: cf.HalfSpaces(np.empty((0, 3)), []), r"normals: expected shape \(F, 3\)"),
     "zero": (
         lambda: cf.HalfSpaces([[1, 0, 0], [0, 0, 0]], [1.0, 1.0]),
         "normals: must not be zero",
     ),
-    "nan": (lambda: cf.HalfSpaces([[1, 0, np.nan]], [1.0]), "normals: every number must be finite"),
     "touching": (lambda: cf.HalfSpaces([[1, 0, 0]], [0.0]), "offsets: must be positive and finite, got"),
-    "one more": (
-        lambda: cf.HalfSpaces([[1, 0, 0]], [1.0, 2.0]),
-        r"offsets: expected shape \(1,\), got \(2,\)",
-    ),
-    "direction": (lambda: WEDGE.support([1.0, 0.0]), r"direction: expected shape \(..., 3\)"),
     "gather": (
         lambda: cf.gather(cf.Search.basic(cf.Sensor(1.2), 0.004, 0.4), np.eye(3), np.eye(3), keep_out=WEDGE),
         "keep_out: a gathering requires a Sphere, Ellipsoid or Box, got a HalfSpaces",
@@ -543,11 +532,8 @@ def test_asymmetric_zone_in_a_scenario():
     ("make", "name"),
     [
         (lambda: cf.Cylinder(1e-155, 1e-155), "radius"),
-        (lambda: cf.Box([1e-310] * 3), "half_widths"),
-        (lambda: cf.Sphere(1e-310), "radius"),
         (lambda: cf.Ellipsoid([1.0, 1.0, 1e20]), "semi_axes"),
         (lambda: cf.HalfSpaces([[1.0, 0.0, 0.0]], [1e-200]), "offsets"),
-        (lambda: cf.Sphere(20.0).enlarged(1e-100), "factor"),
     ],
 )
 def test_extreme_sizes_are_rejected(make, name):

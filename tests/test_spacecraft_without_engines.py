@@ -242,7 +242,7 @@ def test_dead_client_in_a_study():
     )
     text = CLIENT.format(craft=DEAD, stage="") + draws
     for case in range(3):
-        mission = plan_mission(case_of(parse(text, command="study"), case))
+        mission = plan_mission(case_of(parse(text), case))
         flight = mission.flights.flight
         drift = _drift(mission.scenario.truth, mission.paths[1], mission.results[1].end)
         assert flight.ends[0, 1] == pytest.approx(drift, abs=1e-3)
@@ -262,13 +262,6 @@ def test_dead_client_in_a_study():
             'do = "scatter"\nfactor = 2.0\nwithin = "1 orbit"',
             "stage[1].do: scatter moves all craft, and Client has no engine; use reconfigure with craft",
         ),
-        (
-            'do = "coast"\nfor = "1 orbit"',
-            'do = "reconfigure"\nto = { remove = "eccentricity" }\nwithin = "1 orbit"',
-            "stage[1].craft: missing, and Client has no engine; name the craft that move, "
-            'for example craft = ["Inspector"]',
-        ),
-        ("engine = [true, false]", 'engine = "no"', "craft.engine:"),
     ],
 )
 def test_moves_without_an_engine_are_refused(was: str, becomes: str, line: str):

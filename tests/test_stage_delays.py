@@ -1,19 +1,16 @@
 """Stages that take longer than required: verdict, delay and sufficient thrust."""
 
-import json
 import re
-from html import unescape
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.mission.verdict import Late, Use, Verdict, raised
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from runs import outputs
 
 INSPECTOR = """\
 closeform = 1
@@ -57,20 +54,10 @@ def scenario(*stages: str, thrust: str = "1 mN") -> str:
     return INSPECTOR.replace("THRUST", thrust) + "".join(stages)
 
 
-def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
-    """Return status, output, summary and page text of a run without pictures."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-    Path("file.toml").write_text(text)
-    status = main(["run", "file.toml", "--overwrite"])
-    page = unescape(Path("file-results/report.html").read_text())
-    return status, capsys.readouterr().out, json.loads(Path("file-results/summary.json").read_text()), page
-
-
 @pytest.mark.parametrize("stage", [AROUND, TOGETHER, SPREAD], ids=["avoid", "reconfigure", "scatter"])
 def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> None:
     """Status 1; the reported thrust keeps the time, and less does not."""
-    status, printed, summary, page = run(scenario(stage), tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(scenario(stage), tmp_path, monkeypatch, capsys)
     assert status == summary["status"] == 1
     assert summary["clear"] is True
     (late,) = summary["late"]

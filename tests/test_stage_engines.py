@@ -12,7 +12,7 @@ from closeform.mission.mission import plan_mission
 from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import parse
 from field_scenario import swap
-from test_mission_delta_v import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
+from runs import G0, N, plain
 
 TWO_ENGINES = """\
 closeform = 1
@@ -103,7 +103,7 @@ def state_and_mass(burns: list[dict], state: np.ndarray, end: float, exhausts: d
     return y[:6], y[6]
 
 
-def test_engine_of_each_stage_and_common_tank(ran):  # noqa: F811
+def test_engine_of_each_stage_and_common_tank(ran):
     run = ran(TWO_ENGINES)
     assert run.status == 0
     plain(run)

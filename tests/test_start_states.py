@@ -13,7 +13,7 @@ from closeform.motion.elements.elements import inertial_from_elements
 from closeform.motion.elements.frames import relative_from_inertial
 from closeform.report.run import states as flown_states
 from closeform.scenario import parse
-from test_epoch_scenario import CIRCLE, MEETING, chief, scenario
+from dated import CIRCLE, MEETING, chief, scenario
 
 GOOD = "craft,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s\nA,0,0,0,0,0,0\nB,1.5,25,-3,0.25,-1,0\n"
 STATE = [1.5, 25.0, -3.0, 0.25, -1.0, 0.0]

@@ -16,7 +16,7 @@ import pytest
 
 from closeform.campaign import cluster
 from closeform.campaign.cluster import Cluster, ClusterError
-from test_campaign import S04
+from studies import S04
 
 pytestmark = pytest.mark.fault
 CASES = 4_000_000  # forty chunks: some seconds

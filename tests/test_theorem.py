@@ -367,13 +367,8 @@ def test_searches_that_the_theorem_does_not_cover(search, message):
 @pytest.mark.parametrize(
     ("position", "velocity", "message"),
     [
-        ([1.0, 2.0], [0.0, 0.0, 0.0], r"position: expected shape \(3,\), got \(2,\)"),
-        ([1.0, 2.0, 3.0], np.zeros((2, 3)), r"velocity: expected shape \(3,\), got \(2, 3\)"),
-        ([1.0, np.nan, 3.0], [0.0, 0.0, 0.0], "position: must be finite"),
-        ([1.0, 2.0, 3.0], [0.0, 0.0, inf], "velocity: must be finite"),
         ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], "position: the two craft are at the same position"),
         ([10.0, 0.0, 20.0], [-0.5, 0.0, -1.0], "velocity: the craft collide at 20 s"),
-        (None, [1.0, 0.0, 0.0], "position: "),
     ],
 )
 def test_bad_states(position, velocity, message):

@@ -261,10 +261,6 @@ def test_conflicts_of_saturated_paths_agree_with_dense_sampling():
     ("arguments", "named"),
     [
         ({"max_acceleration": 0.0}, "max_acceleration: must be positive"),
-        ({"max_acceleration": -1e-3}, "max_acceleration: must be positive"),
-        ({"max_acceleration": np.nan}, "max_acceleration: "),
-        ({"max_acceleration": "much"}, "max_acceleration: expected numbers"),
-        ({"max_acceleration": [1.0, 2.0, 3.0]}, "batch shapes do not broadcast"),
         ({"cost": "fuel"}, 'cost: expected "energy" or "delta-v", got \'fuel\''),
     ],
 )

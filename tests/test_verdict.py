@@ -14,9 +14,13 @@ from bridge import hill
 from closeform.campaign import case_of
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
-from closeform.mission.verdict import Use, Verdict, conflicts_in
+from closeform.mission.verdict import conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from runs import outputs
+from verdicts import LOST
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 G0 = 9.80665
 REST = 'velocity = "0 0 0 m/s"'
@@ -51,16 +55,6 @@ def passing(limits: str, stage: str = "", text: str = TWO) -> str:
     return text.replace("LIMITS", limits) + stage
 
 
-def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
-    """Return the status, output, summary and page of a run without pictures."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
-    Path("file.toml").write_text(text)
-    status = main(["run", "file.toml", "--overwrite"])
-    page = unescape(Path("file-results/report.html").read_text())
-    return status, capsys.readouterr().out, json.loads(Path("file-results/summary.json").read_text()), page
-
-
 @pytest.mark.parametrize(
     ("limits", "words", "what", "unit"),
     [
@@ -72,7 +66,7 @@ def test_plan_beyond_budget_and_propellant(
     limits: str, words: str, what: str, unit: str, tmp_path, monkeypatch, capsys
 ) -> None:
     """Clear but beyond a limit: status 1, and spacecraft and limit are named."""
-    status, printed, summary, page = run(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
     assert status == 1
     last = printed.splitlines()[-1]
     assert last == f"limits are not kept: {words}; results in file-results"
@@ -91,24 +85,14 @@ def test_plan_beyond_budget_and_propellant(
     assert [use.craft for use in mission.verdict.exceeded] == ["A"]
 
 
-def test_kept_limits_are_reported(tmp_path, monkeypatch, capsys) -> None:
-    limits = 'max_thrust = "1 N"\ndelta_v_budget = "1 m/s"\nspecific_impulse = "60 s"\npropellant = "1 kg"'
-    status, printed, summary, _ = run(passing(limits), tmp_path, monkeypatch, capsys)
-    assert status == 0
-    assert "clear: no conflict remains, limits are kept, closest distance" in printed
-    assert summary["limits_kept"] is True
-    status, printed, summary, _ = run(passing(""), tmp_path, monkeypatch, capsys)
-    assert status == 0
-    assert "clear: no conflict remains, closest distance" in printed
-    assert summary["limits_kept"] is None
-
-
 FELLOW = """meanwhile = [{ craft = "B", to = { position = "0 0 500 m", velocity = "0 0 0 m/s" } }]\n"""
 
 
 def test_other_spacecraft_beyond_its_thrust_limit(tmp_path, monkeypatch, capsys) -> None:
     """B's own transfer over 500 m needs 6 L / T^2."""
-    status, printed, summary, _ = run(passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys)
+    status, printed, summary, _ = outputs(
+        passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys
+    )
     assert status == 1
     assert printed.splitlines()[-1] == "limits are not kept: thrust (B); results in file-results"
     (over,) = summary["exceeded"]
@@ -130,12 +114,6 @@ def test_stopped_mission_reports_an_exceeded_budget() -> None:
     assert words.startswith("stopped in stage 2 (avoid): ")
     assert words.endswith("; limits are not kept: delta-v (A)")
     assert mission.verdict.status == 1
-
-
-def test_many_exceeded_limits_are_counted() -> None:
-    uses = [Use("thrust", "N", f"F{k}", 2.0, 1.0) for k in range(40)]
-    verdict = Verdict(None, 0, 0, (*uses, Use("delta-v", "m/s", "F1", 2.0, 1.0)), False)
-    assert str(verdict) == "limits are not kept: thrust (F0, F1, F2, 37 more), delta-v (F1)"
 
 
 def test_repeated_conflicts_of_a_pair() -> None:
@@ -164,35 +142,6 @@ for = "12000 s"
     assert str(mission.verdict) == "5 conflicts of 1 pair remain"
     after = RunReport(mission).summary["stages"][1]["after"]
     assert (len(after["conflicts"]), after["pairs_in_conflict"]) == (5, 1)
-
-
-def test_conflicts_of_a_coast_are_summed_up() -> None:
-    """All 45 pairs of ten spacecraft meet four times: 180 conflicts, a row for each pair."""
-    names = ", ".join(f'"C{k}"' for k in range(10))
-    swings = ", ".join(f'{{ palmer = "0 0 0 0 {200 + 100 * k} 0 m" }}' for k in range(10))
-    text = f"""\
-closeform = 1
-title = "Swings"
-[orbit]
-period = "6000 s"
-[craft]
-name = [{names}]
-start = [{swings}]
-keep_out = {{ sphere = "20 m" }}
-[[stage]]
-do = "coast"
-for = "12000 s"
-"""
-    report = RunReport(plan_mission(parse(text)))
-    assert str(report.mission.verdict) == "180 conflicts of 45 pairs remain"
-    (section,) = report.sections
-    assert section.lines[0].startswith("Conflicts: 180 in 45 of 45 pairs; ")
-    assert [(len(table.rows), table.folded) for table in section.tables] == [
-        (40, False),
-        (180, True),
-        (45, True),
-    ]
-    assert section.tables[0].title == "Conflicts, by pair, the 40 closest of 45"
 
 
 # avoid within a thrust limit
@@ -289,12 +238,6 @@ def test_avoid_reports_an_infeasible_limit(obstacle: cf.Path, arguments: dict, r
     assert weak.weak.duration == pytest.approx(1050.0 if remedy == "raise the limit" else 1000.0)
 
 
-@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, [1.0, 2.0], "much"])
-def test_invalid_limits_are_refused(wrong) -> None:
-    with pytest.raises(ValueError, match=r"^max_acceleration: "):
-        cf.avoid(PATH, LONG, BALL, max_acceleration=wrong)
-
-
 # in scenarios, with limits in newtons
 
 MOVE = """
@@ -309,7 +252,7 @@ FORCE = 0.1  # N, of the 0.12 that the direct path needs
 
 def test_stage_reports_its_extended_duration(tmp_path, monkeypatch, capsys) -> None:
     text = passing(f'max_thrust = "{FORCE} N"', FELLOW.replace("500 m", "-20 m"))
-    status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(text, tmp_path, monkeypatch, capsys)
     assert status == 1  # as it is later than asked
     change = summary["stages"][0]["change"]
     assert change["around"]["peak_thrust_N"] <= FORCE * (1.0 + 1e-9)
@@ -349,9 +292,8 @@ def test_coasting_spacecraft_reaches_its_natural_end() -> None:
     ids=["avoid", "reconfigure"],
 )
 def test_weak_engine_is_reported_in_newtons(stage: str, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(f'max_thrust = "{FORCE} N"', stage, TWO[: TWO.index("[[stage]]")])
-    status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
+    status, printed, summary, page = outputs(text, tmp_path, monkeypatch, capsys)
     assert status == 1
     for words in (" ".join(printed.split()), page, summary["verdict"]):
         need, limit = re.search(r"A needs (\S+) N in 1000 s, its max_thrust is (\S+) N; ", words).groups()
@@ -369,9 +311,8 @@ ENGINE = 'specific_impulse = "60 s"'
 
 def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -> None:
     """By the rocket equation from the delta-v that is printed beside it, with the mass that is left."""
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(ENGINE, FELLOW.replace("500 m", "-50 m") + MOVE.format("0 -100 3 m"))
-    status, printed, summary, _ = run(text, tmp_path, monkeypatch, capsys)
+    status, printed, summary, _ = outputs(text, tmp_path, monkeypatch, capsys)
     assert status == 0
     assert printed.count("propellant [g]") == 4  # change made, meanwhile, paths of the plan, in all
     mass = 100.0
@@ -388,49 +329,10 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
 
 # studies: the share of cases whose run has status 0
 
-LOST = """\
-closeform = 1
-title = "Lost"
-
-[orbit]
-deep_space = true
-
-[craft]
-name = ["L1", "L2", "L3"]
-group = ["A", "B", "A"]
-position = "0 0 0 m"
-velocity = "0 0 0 m/s"
-mass = "100 kg"
-specific_impulse = "60 s"
-propellant = "14 g"
-delta_v_budget = "8 cm/s"
-keep_out = { sphere = "20 m" }
-
-[sensor]
-half_angle = "70 deg"
-
-[search]
-method = "modified"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-
-[[stage]]
-do = "gather"
-
-[study]
-cases = 120
-seed = 3
-
-[study.vary]
-"craft.position" = { ball = "60 m" }
-"craft.velocity" = { ball = "6 cm/s" }
-"""
-
 
 def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
     """Of each craft that burns and of all, by the rocket equation from its delta-v."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("lost.toml").write_text(LOST)
     main(["run", "lost.toml", "--case", "0", "--out", "out"])
     printed = capsys.readouterr().out
@@ -451,7 +353,6 @@ def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
 def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, capsys) -> None:
     """Each case is as clear and within its limits as its run."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = LOST.replace('do = "gather"', f'do = "{stage}"')
     Path("lost.toml").write_text(text)
     campaign = cf.study("lost.toml")
@@ -484,29 +385,6 @@ def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, c
 
 
 # plots of thrust
-
-
-def test_thrust_is_plotted_in_newtons_for_force_limits() -> None:
-    text = passing('max_thrust = "1 N"')
-    for scenario, unit, mass in ((text, "N", 100.0), (text.replace('max_thrust = "1 N"', ""), "m/s²", None)):
-        report = RunReport(plan_mission(parse(scenario)))
-        (picture,) = [one for one in report.sections[0].pictures if one.plot == "thrust"]
-        assert picture.options == {"mass": mass}
-        figure = cf.plots.thrust(*picture.arguments, **picture.options)
-        top = figure.axes[0]
-        assert re.fullmatch(rf"magnitude \[[mµ]?{unit}\]", top.get_ylabel())
-        size = {"m": 1e-3, "µ": 1e-6}.get(top.get_ylabel()[11 : -1 - len(unit)], 1.0)
-        _, around = picture.arguments[0]
-        drawn = size * max(np.max(line.get_ydata()) for line in top.lines)
-        assert drawn == pytest.approx(
-            (mass or 1.0) * around.peak_thrust, rel=1e-3
-        )  # at instants of a picture
-
-
-@pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, np.inf])
-def test_invalid_masses_are_refused(mass: float) -> None:
-    with pytest.raises(ValueError, match=r"^mass: "):
-        cf.plots.thrust([PATH], ["path"], mass=mass)
 
 
 def test_search_for_longer_times_ends_at_ten_orbits() -> None:

@@ -48,7 +48,7 @@ def seen(name: str) -> Seen:
 
 
 def flown(text: str) -> Mission:
-    return plan_mission(parse(text, "file.toml", "run"))
+    return plan_mission(parse(text, "file.toml"))
 
 
 @pytest.mark.parametrize("name", FLOWN)

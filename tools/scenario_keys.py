@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from closeform.scenario.formation import Formation
-from closeform.scenario.load import TABLES
+from closeform.scenario.load import File
 from closeform.scenario.stages import STAGES
 from closeform.scenario.table import Table, tables_in
 
@@ -22,11 +22,6 @@ default may be left out. In `[craft]` one value applies to all spacecraft; a lis
 order of `name`. [Scenario file](scenario.md) explains how the keys work together, and lists the units.
 
 ## Top of the file
-
-| key | value | default | meaning |
-|---|---|---|---|
-| `closeform` | `1` | required | format of the file |
-| `title` | `"A moves past B"` | required | one line of text |
 """
 
 
@@ -47,6 +42,8 @@ def section(heading: str, table: type[Table], keys: Iterable[Row]) -> Iterator[s
     if issubclass(table, Formation) and table is not Formation:
         keys = [key for key in keys if key not in shared]
         yield from ("Or a [formation](#formations).", "")
+    for group in table.alternatives if not issubclass(table, Formation) else ():
+        yield from (f"Exactly one of {', '.join(f'`{table.key_of(name)}`' for name in group)} is given.", "")
     if keys:
         yield from rows(keys)
 
@@ -86,8 +83,9 @@ def page() -> str:
     known: set[type[Table]] = {
         one for field in Formation.model_fields.values() for one in tables_in(field.annotation)
     }
-    lines: list[str] = []
-    for key, table in TABLES.items():
+    tables = {File.key_of(name): [*tables_in(field.annotation)] for name, field in File.model_fields.items()}
+    lines = [*rows(row for row in File.reference() if not tables[row[0]])]
+    for key, table in ((key, found[0]) for key, found in tables.items() if len(found) == 1):
         lines += [*section(f"[{key}]", table, table.reference()), *nested(f"[{key}]", table, known)]
     lines += stages(known)
     lines += section("Formations", Formation, Formation.reference())

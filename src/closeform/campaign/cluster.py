@@ -7,12 +7,11 @@ import logging
 import re
 import socket
 import time
-from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
@@ -27,36 +26,16 @@ from closeform.storage.result_folder import FolderError
 ANSWER = 5.0  # s to wait for an answer of the scheduler
 PATIENCE = 30.0  # s to wait without any worker
 FETCHES = 10  # times PATIENCE to wait for the reply of a finished task
-TASK = 2.0  # s of work in a task, except near the end; shorter tasks waste time on overhead
-TOGETHER = 16  # maximum number of chunks in a task
-AHEAD = 2  # tasks for each thread of the workers
+AHEAD = 2  # tasks, each of one chunk, for each thread of the workers
 DEATHS = 3  # failures of workers on the same task before the study stops
 
 ADDRESS = re.compile(r"(?:tcp|tls)://(\[[^]]+\]|[^:/]+):(\d{1,5})/?")
-Ranges = tuple[Range, ...]
+Refused = tuple[str, ...]  # lines of an error
 _building = Lock()
 
 
 class ClusterError(FolderError):
     """Scheduler or workers that cannot be used or are lost; the message is one line with the remedy."""
-
-
-class Waiting:
-    """Ranges of cases that no worker has taken yet; only a few of them are generated in advance."""
-
-    def __init__(self, ranges: Iterator[Range]) -> None:
-        self.later, self.soon = ranges, deque[Range]()
-        self.together = 1
-
-    def next_of(self, tasks: int) -> Ranges:
-        """Return the ranges of the next task; fewer near the end, so that all of `tasks` have work."""
-        self.soon.extend(islice(self.later, max(0, self.together * tasks - len(self.soon))))
-        size = min(self.together, max(1, len(self.soon) // tasks), len(self.soon))
-        return tuple(self.soon.popleft() for _ in range(size))
-
-    def took(self, seconds: float, chunks: int) -> None:
-        """Adapt the number of chunks in a task to the time that the last one took [s]."""
-        self.together = max(1, min(TOGETHER, round(TASK * chunks / max(seconds, 1e-3))))
 
 
 class Cluster:
@@ -113,20 +92,19 @@ class Cluster:
 
     def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
         """Yield the chunks of the given ranges of cases as they finish; a lost worker costs only time."""
-        what, waiting, again = Task.of(cases), Waiting(iter(ranges)), deque[Ranges]()
-        under_way: dict[Any, Ranges] = {}
-        deaths: dict[Ranges, int] = {}
+        what, waiting, again = Task.of(cases), iter(ranges), list[Range]()
+        under_way: dict[Any, Range] = {}
+        deaths: dict[Range, int] = {}
         alone = time.monotonic()
         while True:
             threads = self.threads()
             alone = time.monotonic() if threads else alone
             if time.monotonic() - alone > PATIENCE:
                 raise self.deserted()
-            while len(under_way) < AHEAD * max(threads, 1):
-                some = again.popleft() if again else waiting.next_of(AHEAD * max(threads, 1))
-                if not some:
-                    break
+            free = AHEAD * max(threads, 1) - len(under_way)
+            for some in [*islice(chain(again, waiting), max(free, 0))]:
                 under_way[self.client.submit(evaluate, what, some, pure=False)] = some
+            again = again[max(free, 0) :]
             if not under_way:
                 return
             for future in self.ended(under_way):
@@ -135,14 +113,13 @@ class Cluster:
                 if answer is None:
                     deaths[some] = deaths.get(some, 0) + 1
                     if deaths[some] >= DEATHS:
-                        which = f"cases {some[0][0]} to {some[-1][1] - 1}"
+                        which = f"cases {some[0]} to {some[1] - 1}"
                         raise ClusterError(f"--scheduler: workers die at {which}; check their logs")
                     again.append(some)
-                    continue
-                if answer.refused:
-                    raise refusal(cases, answer.refused)
-                waiting.took(answer.seconds, len(some))
-                yield from answer.chunks
+                elif isinstance(answer, Chunk):
+                    yield answer
+                else:
+                    raise refusal(cases, answer)
 
     def threads(self) -> int:
         """Return the number of threads of all workers."""
@@ -163,7 +140,7 @@ class Cluster:
             raise self.gone()
         return [one for one in futures if one.status in ("finished", "error")]
 
-    def answer(self, future: Any) -> Reply | None:
+    def answer(self, future: Any) -> Chunk | Refused | None:
         """Return the reply of a finished task; None if its workers died too often.
 
         All workers may have died since; then no worker has the reply, and none repeats the task.
@@ -171,7 +148,7 @@ class Cluster:
         try:
             for _ in range(FETCHES):
                 with suppress(TimeoutError):
-                    found: Reply = future.result(timeout=PATIENCE)
+                    found: Chunk | Refused = future.result(timeout=PATIENCE)
                     return found
                 if not self.threads():
                     raise self.deserted()
@@ -223,7 +200,7 @@ def address_of(scheduler: str) -> str:
     return address
 
 
-def refusal(cases: Cases, lines: tuple[str, ...]) -> Exception:
+def refusal(cases: Cases, lines: Refused) -> Exception:
     """Return an error raised on a worker as this machine would raise it."""
     file = cases.scenario.file
     prefix = f"{file.rpartition('/')[2]}: "
@@ -260,27 +237,17 @@ class Task(NamedTuple):
         )
 
 
-class Reply(NamedTuple):
-    """Chunks and the `seconds` that they took, or the reasons why there are none, line by line."""
-
-    chunks: tuple[Chunk, ...]
-    refused: tuple[str, ...] = ()
-    seconds: float = 0.0
-
-
-def evaluate(task: Task, ranges: Ranges) -> Reply:
-    """Evaluate some ranges of cases on this machine and return their chunks."""
+def evaluate(task: Task, cases: Range) -> Chunk | Refused:
+    """Return the chunk of some cases, evaluated on this machine, or the reasons why there is none."""
     if lines := unlike(dict(task.made_with), versions()):
-        return Reply((), (f"a worker has {lines}; install the same versions on all machines",))
+        return (f"a worker has {lines}; install the same versions on all machines",)
     try:
         with _building:
-            cases = cases_of(task).prepared()
-        begin = time.perf_counter()
-        found = (Chunk.of(cases, *one) for one in ranges)
-        chunks = tuple(one._replace(data=one.data.to_pybytes()) for one in found)
-        return Reply(chunks, seconds=time.perf_counter() - begin)
+            kind = cases_of(task).prepared()
+        found = Chunk.of(kind, *cases)
+        return found._replace(data=found.data.to_pybytes())
     except ScenarioError as error:
-        return Reply((), tuple(error.lines))
+        return error.lines
 
 
 def unlike(here: dict[str, str], there: dict[str, str]) -> str:
@@ -300,7 +267,7 @@ def cases_of(task: Task) -> Cases:
             (Path(folder) / name).parent.mkdir(exist_ok=True)
             (Path(folder) / name).write_bytes(held)
         try:
-            scenario = parse(task.text, str(Path(folder) / task.file), "study")
+            scenario = parse(task.text, str(Path(folder) / task.file))
         except ScenarioError as error:
             lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
             raise ScenarioError(task.file, lines) from None

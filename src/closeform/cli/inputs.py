@@ -26,7 +26,7 @@ def read(file: Path, command: str) -> "Scenario | None":
 
     try:
         text = text_of(file)
-        scenario = parse(text, str(file), command)
+        scenario = parse(text, str(file))
     except ScenarioError as error:
         complain(*error.lines)
         return None

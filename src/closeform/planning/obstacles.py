@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import sequence, shown
+from closeform.motion.arc import STATE
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -34,13 +35,16 @@ def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Pat
     return stack(some) if some else None
 
 
-def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
-    """Return the names of `count` obstacles: "obstacle k" unless given.
+def obstacle_names(names: Sequence[str] | None, obstacles: Path | None) -> tuple[str, ...]:
+    """Return the names of M obstacles: unless given, their number, which counts from 1, and their start.
 
     Raises ValueError for another number of names.
     """
+    count = 0 if obstacles is None else len(obstacles)
     if names is None:
-        return tuple(f"obstacle {k}" for k in range(count))
+        starts = [] if obstacles is None else obstacles.arcs[obstacles.offsets[:-1], STATE : STATE + 3]
+        places = ("(" + " ".join(f"{number:.4g}" for number in place + 0.0) + " m)" for place in starts)
+        return tuple(f"obstacle {k} of {count} at {place}" for k, place in enumerate(places, 1))
     given = tuple(sequence("names", names, str))
     if len(given) != count:
         raise ValueError(f"names: give one for each of {count} obstacles, got {shown(names)}")

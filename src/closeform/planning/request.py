@@ -136,7 +136,7 @@ class Request:
             )
         batch = obstacle_batch(check_orbit(orbit, method, thrusters), obstacles)
         extra = 0 if batch is None else len(batch)
-        called = _names(names, count, extra)
+        called = _names(names, count, batch)
         limits = (
             None
             if max_acceleration is None
@@ -237,7 +237,7 @@ class Request:
             starts=np.array([float(path.start)]),
             zones=zones_around(zone, len(batch)),
             obstacles=batch,
-            names=(name, *obstacle_names(names, len(batch))),
+            names=(name, *obstacle_names(names, batch)),
             thrusters=(thrusters,),
             limits=limits,
             stretches=longer,
@@ -481,14 +481,14 @@ def _any_errors(given: Sequence[Any]) -> bool:
     return any(one is not None for one in given)
 
 
-def _names(names: Sequence[str] | None, count: int, extra: int) -> tuple[str, ...]:
+def _names(names: Sequence[str] | None, count: int, obstacles: Path | None) -> tuple[str, ...]:
     """Return the names of spacecraft and obstacles; raise ValueError for another number of them."""
     given = (
         tuple(f"craft {k}" for k in range(count)) if names is None else tuple(sequence("names", names, str))
     )
-    if len(given) not in (count, count + extra):
+    if len(given) not in (count, count + (0 if obstacles is None else len(obstacles))):
         raise ValueError(f"names: {len(given)} for {count} craft; give one for each")
-    return given + obstacle_names(None, extra) if len(given) == count else given
+    return given + obstacle_names(None, obstacles) if len(given) == count else given
 
 
 def _states(name: str, value: ArrayLike) -> Floats:

@@ -12,7 +12,7 @@ from typing import Any
 from closeform.arrays import Floats, instance, number, sequence, shown
 from closeform.exchange.ccsds.aem import aem
 from closeform.exchange.ccsds.ocm import ocm
-from closeform.exchange.ccsds.oem_opm_text import oem, oem_xml, opm
+from closeform.exchange.ccsds.track_messages import oem, oem_xml, opm
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.export_tracks.sampled_paths import tracks

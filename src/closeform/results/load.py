@@ -218,7 +218,7 @@ def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
         if name.startswith(INPUTS):
             content(place, summary, name)
     try:
-        found = parse(text, str(place / SCENARIO), summary["kind"])
+        found = parse(text, str(place / SCENARIO))
     except ScenarioError as error:
         raise FolderError(error.lines[0]) from None
     if (case := summary.get("case")) is not None:

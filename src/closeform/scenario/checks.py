@@ -1,8 +1,7 @@
 """Consistency checks between the tables of a scenario."""
 
-import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from math import hypot, inf, pi
 from operator import attrgetter
 from typing import Any
@@ -12,10 +11,10 @@ import numpy as np
 from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.safety.failures import ThrustLost
-from closeform.scenario.craft import MOST_TURN, Craft, SearchTable, SensorTable
+from closeform.scenario.craft import MOST_TURN, Craft, SensorTable
 from closeform.scenario.end_conflicts import final_conflicts, zone_conflicts
 from closeform.scenario.formation import Goal
-from closeform.scenario.quantity import shown
+from closeform.scenario.quantity import Reader, shown
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import (
     Avoid,
@@ -31,90 +30,39 @@ from closeform.scenario.stages import (
     Transfer,
 )
 from closeform.scenario.study import FAILS, NORMAL_REACH, TABLED, Draw, draw_error, readers
-from closeform.scenario.table import alike, did_you_mean, dotted, key_of, meant_by
+from closeform.scenario.table import alike, did_you_mean, dotted
 from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
 
-ORBIT = r"orbit(\.(?!field).*)?"  # keys that define the orbit; the field does not
-PLACED = "position|velocity|start|keep_out"  # keys of [craft] that place craft and their zones
 
+def check(scenario: Scenario) -> list[str]:
+    """Return one line for each disagreement between tables.
 
-def check(scenario: Scenario, wrong: Sequence[str], command: str) -> list[str]:
-    """Return one line for each disagreement between tables, and for each unsupported need of `command`.
-
-    `wrong` holds the lines about errors within single tables; checks that depend on those keys are skipped.
+    Later checks rely on earlier ones, and run only if these find nothing.
     """
-    found = Findings(wrong)
-    fit(scenario, found)
-    if found.said:
-        found.add(scenario.unbuilt_study() if command != "run" else ())
-    return found.new
-
-
-def fit(scenario: Scenario, found: "Findings") -> None:
-    """Add every disagreement between tables to `found`."""
-    circular = scenario.orbit.deep_space is None
-    known = found.sound(ORBIT)
-    searches = any(stage.searches for stage in scenario.stages)
-    if scenario.craft:
-        found.add(duplicates(scenario), r"craft\.name|stage\[\d+\]\.name")
-        found.add(stages(scenario), r"craft\.name")
-        found.add(exact(scenario))
-    if searches and scenario.sensor is not None and scenario.search is not None:
-        found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
-    placed = known and found.sound(r"craft\.(position|velocity|start)") and not scenario.scattered
-    if searches and scenario.craft and placed and not circular:
-        found.add(scenario.coincident())
-    found.add(in_flight(scenario))
-    found.add(draws(scenario, found.sound))
-    found.add(in_field(scenario), r"orbit\.field")
-    found.add(in_air(scenario), r"orbit\.field|craft\.(name|ballistic)")
-    found.add(beside_chief(scenario), "orbit.*")
-    if not known:
-        return
+    lines = [*duplicates(scenario)] or [
+        line
+        for rule in (stages, exact, search, coincident, in_flight, draws, in_field, in_air, beside_chief)
+        for line in rule(scenario)
+    ]
+    if lines:
+        return lines
     try:
         orbit = scenario.orbit.build()
     except ValueError as error:
-        found.add([f"orbit: {error}; check its numbers"])
-        return
-    if circular and orbit.period == inf:
-        found.add(["orbit: too wide; write deep_space = true instead"])
-        return
-    found.add(suited(scenario))
-    found.add(spans(scenario, orbit))
-    if scenario.craft:
-        found.add(zone_conflicts(scenario, orbit), rf"craft\.({PLACED})")
-        found.add(too_blind(scenario, orbit), r"orbit.*|craft\.(name|keep_out)|feedback.*|navigation.*")
-        for number, stage in enumerate(scenario.stages, 1):
-            if isinstance(stage, Reconfigure):
-                found.add(
-                    final_conflicts(scenario, orbit, number, stage),
-                    rf"craft\.(name|keep_out)|stage\[{number}\].*",
-                )
+        return [f"orbit: {error}; check its numbers"]
+    if scenario.orbit.deep_space is None and orbit.period == inf:
+        return ["orbit: too wide; write deep_space = true instead"]
+    return [*suited(scenario), *spans(scenario, orbit)] or [
+        *zone_conflicts(scenario, orbit),
+        *too_blind(scenario, orbit),
+        *final_conflicts(scenario, orbit),
+    ]
 
 
-class Findings:
-    """Collected error lines: the keys already reported (`said`) and the `new` lines."""
-
-    def __init__(self, said: Sequence[str]) -> None:
-        self.said = {key_of(line) for line in said}
-        for line in said:
-            section, _, key = key_of(line).partition(".")
-            if not key:  # a line about a whole table: its words are the keys
-                self.said |= {f"{section}.{word}" for word in re.findall(r"\w+", line)}
-            elif line.startswith(f"{section}.{key}:") and (meant := meant_by(line)):
-                self.said.add(f"{section}.{meant}")
-        self.new: list[str] = []
-
-    def sound(self, keys: str) -> bool:
-        """Return True if no reported key matches this pattern."""
-        return not any(re.fullmatch(keys, key) for key in self.said)
-
-    def add(self, lines: Iterable[str], needed: str = "") -> None:
-        """Add lines if the `needed` keys are sound; skip lines about keys already reported."""
-        if self.sound(needed):
-            more = [line for line in lines if key_of(line) not in self.said]
-            self.new += more
-            self.said |= {key_of(line) for line in more}
+def coincident(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each craft of a search at the position of another."""
+    if any(stage.searches for stage in scenario.stages) and not scenario.scattered:
+        yield from scenario.coincident()
 
 
 def duplicates(scenario: Scenario) -> Iterator[str]:
@@ -302,8 +250,11 @@ def searching(scenario: Scenario) -> Iterator[str]:
         yield "orbit: a search is for deep space only; write deep_space = true instead"
 
 
-def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Iterator[str]:
+def search(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each search outside the published limits or with too many samples."""
+    sensor, table = scenario.sensor, scenario.search
+    if sensor is None or table is None or not any(stage.searches for stage in scenario.stages):
+        return
     try:
         plan = table.build(sensor.build())
     except ValueError as error:
@@ -559,15 +510,11 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
         )
 
 
-WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # unchecked by readers
 NEAR = 3  # number of similar keys to suggest
 
 
-def draws(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
-    """Yield an error line for each draw for a key that cannot vary, of the wrong kind or out of range.
-
-    `sound` returns True if no key of a pattern has an error; draws for other tables are skipped.
-    """
+def draws(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each draw for a key that cannot vary, of the wrong kind or out of range."""
     if scenario.study is None:
         return
     if scenario.study.draws != "vary":
@@ -582,8 +529,6 @@ def draws(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
             yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
-        elif not (scenario.craft if section == "craft" else sound(f"{section}.*")):
-            continue
         elif section != "craft" and not there(scenario, key):
             yield f"{place}: there is no [{section}]; add that table or remove the draw"
         elif wrong := too_far(scenario, key, draw):
@@ -609,19 +554,22 @@ def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
         return f"{key} has no nominal value to add to; give it, or draw a choice"
     reach = {"choice": 0.0, "normal": NORMAL_REACH}.get(draw.kind, 1.0) * max(numbers)
     ends = numbers if draw.choice is not None else given
-    least, most = WITHIN.get(key, (-inf if reader.least == "any" else 0.0, inf))
-    low, high = min(ends) - reach, max(ends) + reach
-    if (low > least and high < most) or (reader.least == "zero" and low == least):
-        return unfit(scenario, key, (low, high)) if key.startswith(TABLED) else None
-    worst = high if high >= most else low
-    return f"a case can have {worst:.6g} in SI units, out of range of {key}; reduce the draw"
+    for value in (min(ends) - reach, max(ends) + reach):
+        if not fits(scenario, key, reader, value):
+            return f"a case can have {value:.6g} in SI units, out of range of {key}; reduce the draw"
+    return None
 
 
-def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None:
-    """Return the first flaw of a key's table with one of these values, or None."""
+def fits(scenario: Scenario, key: str, reader: Reader, value: float) -> bool:
+    """Return True if a key can have a value [SI] together with the other keys of its table."""
+    try:
+        reader.checked(value, [value])
+    except ValueError:
+        return False
     section, _, name = key.rpartition(".")
-    table = attrgetter(section)(scenario)
-    return next((one for value in values for one in table.model_copy(update={name: value}).all_flaws()), None)
+    tables = scenario.craft if section == "craft" else (attrgetter(section)(scenario),)
+    fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
+    return not any(table.model_copy(update={fields[name]: value}).all_flaws() for table in tables)
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:

@@ -72,6 +72,7 @@ Row = Annotated[Vector, Field(strict=False)]
 class KeepOut(Table):
     """Table `keep_out`: the zone around a craft that no other craft may enter."""
 
+    alternatives = (SHAPES,)
     kind: Literal["region", "covariance", "body"] | None = setting(
         '"body"', 'meaning of the zone; by default "covariance" with `covariance`, else "region"'
     )
@@ -87,7 +88,7 @@ class KeepOut(Table):
     )
     sigmas: Annotated[float, Field(gt=0)] | None = setting(
         "3.0",
-        "size of the covariance ellipsoid in standard deviations; required with `covariance`",
+        "size of the covariance ellipsoid in standard deviations",
         only_with="covariance",
     )
     axes: Annotated[tuple[Row, Row, Row], Field(strict=False)] | None = setting(
@@ -98,15 +99,13 @@ class KeepOut(Table):
     cylinder: Annotated[tuple[float, float], Reader(LENGTH, 2, "positive")] | None = setting(
         '"10 100 m"', "radius and half-length of a cylinder", needs="axis"
     )
-    axis: Row | None = setting(
-        "[0, 1, 0]", "direction of the cylinder; required with `cylinder`", only_with="cylinder"
-    )
+    axis: Row | None = setting("[0, 1, 0]", "direction of the cylinder", only_with="cylinder")
     half_spaces: Annotated[tuple[float, ...], Reader(LENGTH, 0, "positive")] | None = setting(
         '"50 m"', "distance of each face from the spacecraft", needs="normals"
     )
     normals: Annotated[tuple[Row, ...], Field(strict=False)] | None = setting(
         "[[1, 0, 0]]",
-        "outward normal of each face, as rows; required with `half_spaces`",
+        "outward normal of each face, as rows",
         only_with="half_spaces",
     )
 
@@ -121,7 +120,6 @@ class KeepOut(Table):
 
     def inconsistencies(self) -> Iterator[str]:
         """Yield one line per inconsistency among the keys."""
-        yield from self.one_of(*SHAPES)
         rows = np.array(self.axes or np.eye(3))
         if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
             yield "axes are not orthonormal; give three perpendicular rows of length 1"
@@ -235,10 +233,10 @@ class Engine(Table):
     """Thrust limit, thrusters and specific impulse."""
 
     max_thrust: Annotated[float, Reader(FORCE, 1, "positive", IDLE)] | None = setting(
-        '"1.5 N"', "maximum thrust, with `thrusters` of each; needs `mass`"
+        '"1.5 N"', "maximum thrust, with `thrusters` of each; needs `mass`", excludes="acceleration"
     )
     acceleration: Annotated[float, Reader(ACCELERATION, 1, "positive", IDLE)] | None = setting(
-        '"5 mm/s^2"', "maximum thrust acceleration, instead of `max_thrust`", alias="max_acceleration"
+        '"5 mm/s^2"', "maximum thrust acceleration", alias="max_acceleration"
     )
     thrusters: ThrusterTable | None = setting(
         '"rtn"',
@@ -254,11 +252,6 @@ class Engine(Table):
     specific_impulse: Seconds | None = setting(
         '"220 s"', "specific impulse, with which a run reports propellant; needs `mass`"
     )
-
-    def flaws(self) -> Iterator[str]:
-        yield from super().flaws()
-        if self.max_thrust is not None and self.acceleration is not None:
-            yield "max_thrust and max_acceleration exclude each other; keep one"
 
     @property
     def limited(self) -> bool:
@@ -395,14 +388,18 @@ class Craft(Engine):
         '["0 0 0 m/s", "0 0 0 m/s"]', "initial velocity; required without `start` or `states`"
     )
     start: Start | None = setting(
-        '{ palmer = "0 0 0 100 0 20 m" }', "initial relative orbit or inertial state"
+        '{ palmer = "0 0 0 100 0 20 m" }',
+        "initial relative orbit or inertial state",
+        excludes="states position velocity",
     )
-    states: FileName | None = setting('"states.csv"', "CSV file of initial states")
+    states: FileName | None = setting(
+        '"states.csv"', "CSV file of initial states", excludes="position velocity"
+    )
     mass: Mass | None = setting('"150 kg"', "mass at the start of the mission")
     engine: bool = setting("true", "false for a spacecraft that cannot thrust", True)
     delta_v_budget: Speed | None = setting('"12 m/s"', "maximum delta-v of the mission")
     propellant: Mass | None = setting(
-        '"2 kg"', "mass of propellant, part of `mass`; needs `specific_impulse`", needs="specific_impulse"
+        '"2 kg"', "mass of propellant, part of `mass`", needs="specific_impulse"
     )
     keep_out: KeepOut | None = setting('{ sphere = "20 m" }', "keep-out zone; by default the `hard_body`")
     covariance: Annotated[Covariance | None, BeforeValidator(as_errors)] = setting(
@@ -456,19 +453,9 @@ class Craft(Engine):
         """Radius of the hard body [m], by default half the diameter of the shade; None without either."""
         return self.hard_body if self.hard_body is not None or self.shade is None else 0.5 * self.shade
 
-    @classmethod
-    def example(cls, key: str) -> Any:
-        value = super().example(key)
-        return value[0] if isinstance(value, list) else value  # of one craft
-
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         given = self.start is not None or self.states is not None
-        if self.start is not None and self.states is not None:
-            yield "start and states exclude each other; keep one"
-        if given and (self.position is not None or self.velocity is not None):
-            key = "start" if self.start is not None else "states"
-            yield f"{key} and position with velocity exclude each other; keep one"
         if not given and self.position is None:
             yield 'no position; add for example position = "0 100 0 m"'
         if not given and self.velocity is None:
@@ -589,7 +576,9 @@ class Craft(Engine):
 class SensorTable(Table):
     """Table [sensor]: the relative sensor that every craft carries."""
 
-    half_angle: Turn = setting('"70 deg"', "half-angle of the sensor cone, below 180 deg", ...)
+    half_angle: Annotated[float, Reader(ANGLE, least="positive", below="180 deg")] = setting(
+        '"70 deg"', "half-angle of the sensor cone, below 180 deg", ...
+    )
     offset: Deviation = setting(
         '"7.5 m"', "distance of the sensor from the centre of mass, along the boresight", 0.0
     )
@@ -604,10 +593,6 @@ class SensorTable(Table):
         '"10 s"', "time between the two measurements that give the relative velocity after a lock", 10.0
     )
 
-    def flaws(self) -> Iterator[str]:
-        if self.half_angle >= pi:
-            yield 'half_angle must be below 180 deg; write for example "70 deg"'
-
     def build(self) -> "Sensor":
         """Return the sensor that the table describes."""
         from closeform.search.sensor import Sensor
@@ -617,23 +602,35 @@ class SensorTable(Table):
         return Sensor(self.half_angle, self.offset, longest, *accuracy)
 
 
+BASIC = {"method": ("basic",)}  # condition of some keys
+
+
 class SearchTable(Table):
     """Table [search]: the synchronised turns by which lost craft search for each other."""
 
     method: Literal["basic", "modified"] = setting('"modified"', "search schedule", ...)
     slew_rate: Rate = setting('"0.25 deg/s"', "angular rate of every turn", ...)
-    sun_limit: Turn = setting('"25 deg"', "largest tip angle of the sunshade, below 90 deg", ...)
+    sun_limit: Annotated[float, Reader(ANGLE, least="positive", below="90 deg")] = setting(
+        '"25 deg"', "largest tip angle of the sunshade, below 90 deg", ...
+    )
     in_plane_turn: Turn | None = setting(
-        '"1.5 turn"', 'angle of the in-plane search, 1.5 turn by default; method = "basic" only'
+        '"1.5 turn"',
+        "angle of the in-plane search, 1.5 turn by default",
+        only_if=BASIC,
     )
     tip_angle: Turn | None = setting(
-        '"25 deg"', 'tip angle of the out-of-plane search, `sun_limit` by default; method = "basic" only'
+        '"25 deg"',
+        "tip angle of the out-of-plane search, `sun_limit` by default",
+        only_if=BASIC,
     )
     passes: Annotated[int, Field(ge=1, le=100)] | None = setting(
-        "1", 'number of times that IPS and OPS are made, 2 by default; method = "basic" only'
+        "1", "number of times that IPS and OPS are made, 2 by default", only_if=BASIC
     )
     relaxed: bool = setting(
-        "true", 'true if the out-of-plane search may exceed `sun_limit`; method = "basic" only', False
+        "true",
+        "true if the out-of-plane search may exceed `sun_limit`",
+        False,
+        only_if=BASIC,
     )
     max_speed: Speed | None = setting(
         '"12 cm/s"', "largest relative speed, which determines the near-field search"
@@ -641,13 +638,6 @@ class SearchTable(Table):
     bearing: bool = setting(
         "true", "true if hemisphere antennas assign the groups, instead of `group` of [craft]", False
     )
-
-    def flaws(self) -> Iterator[str]:
-        for key in ("in_plane_turn", "tip_angle", "passes", "relaxed"):
-            if self.method == "modified" and getattr(self, key) not in (None, False):
-                yield f'{key} requires method = "basic"; remove {key}'
-        if self.sun_limit >= pi / 2.0:
-            yield 'sun_limit must be below 90 deg; write for example "25 deg"'
 
     def build(self, sensor: "Sensor") -> "Search":
         """Return the search that the table describes.

@@ -198,8 +198,15 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
     return found, count
 
 
-def final_conflicts(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
+def final_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Yield an error line for each pair in conflict at final states that are known before planning."""
+    for number, stage in enumerate(scenario.stages, 1):
+        if isinstance(stage, Reconfigure):
+            yield from conflicts_at_end(scenario, orbit, number, stage)
+
+
+def conflicts_at_end(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
+    """Yield an error line for each pair in conflict at the known final states of a stage."""
     movers = stage.moving(scenario.names)
     finals = stage.known(orbit, len(movers))
     if finals is None or len(finals) < len(movers):

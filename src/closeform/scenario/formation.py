@@ -13,6 +13,7 @@ from closeform.motion.orbit import Orbit
 from closeform.scenario.quantity import ANGLE, LENGTH, Reader
 from closeform.scenario.table import (
     FileName,
+    Groups,
     Inertial,
     Length,
     Names,
@@ -217,9 +218,8 @@ class Start(Formation):
         '"F1.oem"', "orbit ephemeris message in the chief's frame, interpolated at the epoch"
     )
 
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("palmer", "roe", *Formation.model_fields, "inertial", "oem")
-        yield from self.closed()
+    flaws = Formation.closed
+    alternatives = (("palmer", "roe", *Formation.model_fields, "inertial", "oem"),)
 
     @property
     def orbital(self) -> bool | None:
@@ -246,8 +246,7 @@ class Target(Table):
         '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
 
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("position", "palmer", "roe")
+    alternatives: ClassVar[Groups] = (("position", "palmer", "roe"),)
 
     @property
     def orbital(self) -> bool | None:
@@ -266,8 +265,7 @@ class Target(Table):
 class Destination(Target, Formation):
     """Table `to`: the state or the named relative orbit that one craft moves to."""
 
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("position", "palmer", "roe", *Formation.model_fields)
+    alternatives = (("position", "palmer", "roe", *Formation.model_fields),)
 
     @property
     def orbital(self) -> bool | None:
@@ -301,9 +299,8 @@ class Goal(Formation):
         '["F1", "F2"]', "spacecraft in whose formation the one that moves takes a free place"
     )
 
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of(*Formation.model_fields, "remove", "join")
-        yield from self.closed()
+    flaws = Formation.closed
+    alternatives = ((*Formation.model_fields, "remove", "join"),)
 
     @property
     def orbital(self) -> bool | None:

@@ -1,53 +1,61 @@
-"""Reader of scenario files: a valid TOML text becomes a Scenario, an invalid one a list of errors."""
+"""Reader of scenario files: a valid TOML text becomes a Scenario, an invalid one a list of errors.
+
+Errors are found in three rounds: of TOML; within the tables, whose keys and rules are declared in their
+models; and between the tables (`checks`). A round with errors is the last one.
+"""
 
 import os
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
-from closeform.scenario.checks import ORBIT, Findings, check
+from closeform.scenario.checks import check
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import FeedbackTable, FlightTable, NavigationTable, OrbitTable, VerdictTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import STAGES, StageTable, Unknown
+from closeform.scenario.stages import Stage
 from closeform.scenario.study import Study, points, words
-from closeform.scenario.table import (
-    FLAWED,
-    Place,
-    ScenarioError,
-    Table,
-    complaints,
-    did_you_mean,
-    dotted,
-    meant_by,
-    tables_inside,
-)
+from closeform.scenario.table import Place, ScenarioError, Table, complaints, dotted, setting
 
-FORMAT = 1
-TABLES: dict[str, type[Table]] = {
-    "orbit": OrbitTable,
-    "craft": Craft,
-    "sensor": SensorTable,
-    "search": SearchTable,
-    "feedback": FeedbackTable,
-    "navigation": NavigationTable,
-    "simulation": FlightTable,
-    "verdict": VerdictTable,
-    "study": Study,
-}
 DEEPEST = 50  # parts of a dotted key: parser memory grows with their square, and the parser may recurse
 # possessive, and from the beginning of a word only: the search time is linear in the text length
 DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 KEY = re.compile(r"""\s*+(\[{0,2}[\w."' -]++\]{0,2})\s*+(?:=|#|$)""")  # at the beginning of a line
 Model = TypeVar("Model", bound=Table)
+
+
+def as_title(value: Any) -> str:
+    """Return a title: one line of text that is not empty."""
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise ValueError('must be one line of text; write for example title = "My cluster"')
+    return value
+
+
+class File(Table):
+    """Scenario file."""
+
+    form: Literal[1] = setting("1", "format of the file", ..., alias="closeform")
+    title: Annotated[str, BeforeValidator(as_title)] = setting('"A moves past B"', "one line of text", ...)
+    orbit: OrbitTable = setting('{ altitude = "500 km" }', "orbit of the formation", ...)
+    craft: tuple[Craft, ...] = setting('{ name = ["F1", "F2"] }', "spacecraft", ...)
+    sensor: SensorTable | None = setting('{ half_angle = "70 deg" }', "relative sensor")
+    search: SearchTable | None = setting('{ method = "modified" }', "search schedule")
+    feedback: FeedbackTable | None = setting('{ every = "60 s" }', "feedback corrections")
+    navigation: NavigationTable | None = setting('{ position = "10 cm" }', "navigation uncertainty")
+    flights: FlightTable | None = setting("{ seeds = 100 }", "simulations", alias="simulation")
+    verdict: VerdictTable | None = setting('{ model_error = "refuse" }', "verdict")
+    study: Study | None = setting("{ cases = 1000, seed = 1 }", "Monte Carlo study")
+    stages: Annotated[tuple[Stage, ...], Field(strict=False, min_length=1)] = setting(
+        '[{ do = "coast", for = "1 orbit" }]', "stages of the mission", ..., alias="stage"
+    )
 
 
 def load(file: str | Path) -> Scenario:
@@ -68,35 +76,43 @@ def text_of(file: str | Path) -> str:
         raise ScenarioError(str(file), ["not UTF-8 text; save it as UTF-8"]) from None
 
 
-def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
+def parse(text: str, file: str = "scenario") -> Scenario:
     """Return the scenario that a TOML text describes; `file` names it in messages.
 
-    A byte-order mark is ignored. Raises ScenarioError, with one line for each error, and for features that
-    `command` needs and this version lacks.
+    A byte-order mark is ignored. Raises ScenarioError, with one line for each error.
     """
     raw = toml(text, file)
-    scenario = scenario_of(raw, text, file, command)
+    scenario = scenario_of(raw, text, file)
     if scenario.study is None or not scenario.study.sweep:
         return scenario
-    return replace(scenario, points=tuple(swept(raw, scenario, command)))
+    return replace(scenario, points=tuple(swept(raw, scenario)))
 
 
-def scenario_of(raw: dict[str, Any], text: str, file: str, command: str) -> Scenario:
+def scenario_of(raw: dict[str, Any], text: str, file: str) -> Scenario:
     """Return the scenario that the tables of a file describe."""
-    reading = Reading(raw)
-    scenario = Scenario(file, text, **reading.sections())
-    scenario = located(scenario, Inputs(Path(file).parent), reading.lines, reading.complain)
-    if lines := reading.lines + check(scenario, reading.lines, command):
+    found = read(File, raw, file)
+    tables = {name: getattr(found, name) for name in File.model_fields if name != "form"}
+    count = len(found.craft)
+    tables["craft"] = tuple(one.placed(k, count) for k, one in enumerate(found.craft))
+    scenario = Scenario(file, text, **tables, inputs=Inputs(Path(file).parent))
+    try:
+        scenario = with_chief(scenario)
+        scenario = with_starts(scenario)
+    except Misplaced as error:
+        raise ScenarioError(
+            file, [f"{dotted(as_written(place, raw))}: {text}" for place, text in error.found]
+        ) from None
+    if lines := check(scenario):
         raise ScenarioError(file, lines)
     return scenario
 
 
-def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Scenario]:
+def swept(raw: dict[str, Any], scenario: Scenario) -> Iterator[Scenario]:
     """Yield the scenario at each point of its sweep; raise ScenarioError at the first invalid point."""
     file, same = scenario.file, [stage.verb for stage in scenario.stages]
     try:
         for place, (chosen, changed) in enumerate(points(raw)):
-            point = scenario_of(changed, scenario.text, file, command)
+            point = scenario_of(changed, scenario.text, file)
             if point.names != scenario.names or [stage.verb for stage in point.stages] != same:
                 raise ScenarioError(file, ["study.sweep: changes the craft or the stages; remove that key"])
             yield replace(point, title=f"{scenario.title}: {words(chosen)}", point=chosen, place=place)
@@ -142,186 +158,102 @@ def not_toml(text: str, error: Exception) -> str:
     return f"{place}: {key}: not TOML: {what}; correct it there"
 
 
-def in_places(craft: tuple[Craft, ...]) -> tuple[Craft, ...]:
-    """Return the craft with places 0 to N - 1 of N, for a `start` that names a formation."""
-    return tuple(one.placed(k, len(craft)) for k, one in enumerate(craft))
-
-
-class Reading:
-    """Sections of a file, each validated separately so that all errors are reported at once.
-
-    Examples replace wrong or missing values, so that the remaining checks can run.
-    """
-
-    def __init__(self, raw: dict[str, Any]) -> None:
-        self.raw = raw
-        self.lines: list[str] = []
-
-    def sections(self) -> dict[str, Any]:
-        """Return the validated sections; `lines` collects their errors."""
-        known = ["closeform", "title", *TABLES, "stage"]
-        for key in self.raw:
-            if key not in known:
-                self.complain((key,), f"unknown key; {did_you_mean(key, known)}")
-        if self.raw.get("closeform") != FORMAT or isinstance(self.raw["closeform"], bool):
-            self.complain(("closeform",), f"must say the file's format; write closeform = {FORMAT}")
-        title = self.raw.get("title")
-        if not isinstance(title, str) or not title.strip() or not title.isprintable():
-            self.complain(("title",), 'must be one line of text; write for example title = "My cluster"')
-        return {
-            "title": title,
-            "orbit": self.table("orbit", OrbitTable, '[orbit] with altitude = "500 km"')
-            or OrbitTable.model_validate({"deep_space": True}),
-            "craft": in_places(self.craft(Craft)),
-            "stages": self.stages(),
-            **{
-                "flights" if key == "simulation" else key: self.table(key, model)
-                for key, model in TABLES.items()
-                if key not in ("orbit", "craft")
-            },
-        }
-
-    def complain(self, place: Place, text: str) -> None:
-        """Add an error line for a key; a column of a craft with a single value gets no index."""
-        if place[0] == "craft" and len(place) > 1 and isinstance(place[1], int):
-            number, *rest = place[1:]
-            listed = bool(rest) and isinstance(self.raw["craft"].get(str(rest[0])), list)
-            place = "craft", *rest[:1], *([number] if listed else []), *rest[1:]
-        self.lines.append(f"{dotted(place)}: {text}")
-
-    def table(self, key: str, model: type[Model], needed: str = "") -> Model | None:
-        """Return one validated section, or None if it is absent or wrong."""
-        if key not in self.raw:
-            if needed:
-                self.complain((key,), f"missing; add {needed}")
-            return None
-        if not isinstance(self.raw[key], dict):
-            self.complain((key,), f"is not a table; write it as [{key}]")
-            return None
-        return self.validated(model, self.raw[key], (key,))
-
-    def validated(self, model: type[Model], value: dict[str, Any], place: Place) -> Model | None:
-        """Return a validated table, with examples in place of wrong values; None if that fails.
-
-        Nested tables are validated separately.
-        """
-        value = value | {
-            key: self.validated(table, value[key], (*place, key)) or model.example(key)
-            for key, table in tables_inside(model)
-            if isinstance(value.get(key), dict)
-        }
-        try:
-            return model.model_validate(value)
-        except ValidationError as error:
-            found = [*complaints(error, model)]
-        for where, text in found:
-            self.complain(place + where, text)
-        wrong = {str(where[0]) for where, _ in found if where}
-        wrong |= {meant for where, text in found if len(where) == 1 and (meant := meant_by(text))}
-        known = model.examples()
-        try:
-            mended = model.model_validate(
-                {key: one for key, one in value.items() if key not in wrong}
-                | {key: model.example(key) for key in wrong if known.get(key)},
-                context=FLAWED,
-            )
-        except ValidationError:
-            return None
-        if wrong:  # otherwise its flaws are already reported
-            for text in mended.all_flaws():
-                if not wrong & set(re.findall(r"\w+", text)):
-                    self.complain(place, text)
-        return mended
-
-    def craft(self, model: type[Model]) -> tuple[Model, ...]:
-        """Return one table for each craft of [craft]: a list has one value each, other values are for all."""
-        table = self.raw.get("craft")
-        if not isinstance(table, dict):
-            self.complain(("craft",), 'missing; add [craft] with name = ["F1", "F2"]')
-            return ()
-        names = table.get("name", [])
-        names = names if isinstance(names, list) else [names]
-        if not names:
-            self.complain(("craft", "name"), Craft.missing("name"))
-            return ()
-        columns: dict[str, list[Any]] = {}
-        for key, value in table.items():
-            columns[key] = value if isinstance(value, list) else [value] * len(names)
-            if len(columns[key]) != len(names):
-                text = f"has {len(value)} values for {len(names)} craft; give one value for all or one each"
-                self.complain(("craft", key), text)
-                columns[key] = value[:1] * len(names)  # placeholder values, to find more errors
-        rows = [{key: column[k] for key, column in columns.items() if column} for k in range(len(names))]
-        each = (self.validated(model, row, ("craft", number)) for number, row in enumerate(rows))
-        return tuple(craft for craft in each if craft is not None)
-
-    def stages(self) -> tuple[StageTable, ...]:
-        """Return the tables of [[stage]], each read by the model of its verb."""
-        tables = self.raw.get("stage")
-        if not isinstance(tables, list) or not tables:
-            self.complain(("stage",), 'missing; add [[stage]] with do = "coast" and for = "1 orbit"')
-            return ()
-        found: list[StageTable] = []
-        for number, table in enumerate(tables):
-            stage: StageTable | None = None
-            if not isinstance(table, dict):
-                self.complain(("stage", number), "is not a table; write it as [[stage]]")
-            elif "do" not in table:
-                self.complain(("stage", number, "do"), 'missing; add for example do = "coast"')
-            elif not isinstance(table["do"], str) or table["do"] not in STAGES:
-                text = f"{shown(table['do'])} is not known here; {did_you_mean(str(table['do']), STAGES)}"
-                self.complain(("stage", number, "do"), text)
-            else:
-                stage = self.validated(STAGES[table["do"]], table, ("stage", number))
-            found.append(stage or Unknown.model_validate({}))
-        return tuple(found)
-
-
-def located(
-    scenario: Scenario, inputs: Inputs, wrong: Sequence[str], complain: Callable[[Place, str], None]
-) -> Scenario:
-    """Return the scenario with its chief and the initial states of all craft.
-
-    `wrong` holds the lines already reported, whose keys are skipped; `complain` takes a place and a text.
-    """
-    found, scenario = Findings(wrong), replace(scenario, inputs=inputs)
-    if not found.sound(ORBIT):
-        return scenario
+def read(model: type[Model], raw: Mapping[str, Any], file: str) -> Model:
+    """Return the validated contents of a file; raise ScenarioError with all errors within its tables."""
+    lines, rows = rows_of(raw["craft"]) if "craft" in raw else ([], ())
+    if lines and not rows:
+        raise ScenarioError(file, lines)
     try:
-        chief = scenario.orbit.origin(inputs)
+        found = model.model_validate({**raw, "craft": rows} if "craft" in raw else raw)
+    except ValidationError as error:
+        lines += [f"{dotted(as_written(place, raw))}: {text}" for place, text in complaints(error, model)]
+    if lines:
+        raise ScenarioError(file, lines)
+    return found
+
+
+def rows_of(table: Any) -> tuple[list[str], tuple[dict[str, Any], ...]]:
+    """Return error lines about [craft], and one table for each craft.
+
+    A list has one value for each craft; other values are for all.
+    """
+    if not isinstance(table, dict):
+        return ["craft: is not a table; write it as [craft]"], ()
+    names = table.get("name", [])
+    count = len(names) if isinstance(names, list) else 1
+    if not count:
+        return [f"craft.name: {Craft.missing('name')}"], ()
+    columns = {key: value if isinstance(value, list) else [value] * count for key, value in table.items()}
+    remedy = f"for {count} craft; give one value for all or one each"
+    lines = [
+        f"{dotted(('craft', key))}: has {len(column)} values {remedy}"
+        for key, column in columns.items()
+        if len(column) != count
+    ]
+    rows = (
+        {key: (column[k:] or column)[0] for key, column in columns.items() if column} for k in range(count)
+    )
+    return lines, tuple(rows)
+
+
+def as_written(place: Place, raw: Mapping[str, Any]) -> Place:
+    """Return a place as the file has it: each key of [craft] is one value for all craft, or a list."""
+    if place[:1] != ("craft",) or len(place) < 2:
+        return place
+    number, *rest = place[1:]
+    listed = bool(rest) and isinstance(raw["craft"].get(rest[0]), list)
+    return "craft", *rest[:1], *([number] if listed else []), *rest[1:]
+
+
+class Misplaced(ValueError):
+    """Errors about the chief or the starts of craft, `found` with their places."""
+
+    def __init__(self, *found: tuple[Place, str]) -> None:
+        self.found = found
+
+
+def with_chief(scenario: Scenario) -> Scenario:
+    """Return the scenario with its chief; raise Misplaced for an invalid one."""
+    assert scenario.inputs is not None
+    try:
+        chief = scenario.orbit.origin(scenario.inputs)
+        if chief is None:
+            return scenario
+        orbit = scenario.orbit.following(chief, scenario.stages)
     except ValueError as error:
-        complain(("orbit", "chief"), str(error))
-        return scenario
-    field = None
-    if chief is not None:
-        try:
-            scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief, scenario.stages))
-        except ValueError as error:
-            complain(("orbit", "chief"), str(error))
-            return scenario
-        if not found.sound(r"orbit\.field"):
-            return scenario
-        try:
-            field = scenario.field
-        except ValueError as error:
-            key, _, words = str(error).partition(": ")
-            complain(("orbit", key), words)
-            return scenario
+        raise Misplaced((("orbit", "chief"), str(error))) from None
+    scenario = replace(scenario, chief=chief, orbit=orbit)
+    try:
+        _ = scenario.field
+    except ValueError as error:
+        key, _, words = str(error).partition(": ")
+        raise Misplaced((("orbit", key), words)) from None
+    return scenario
+
+
+def with_starts(scenario: Scenario) -> Scenario:
+    """Return the scenario with the initial states of craft from files and inertial states.
+
+    Raises Misplaced for invalid ones.
+    """
+    chief, field, inputs = scenario.chief, scenario.field, scenario.inputs
+    assert inputs is not None
     if chief is not None and scenario.orbit.model != "hill":
         from closeform.dynamics.force_model.field import Field  # only these scenarios need it
 
         field = Field(chief, 2 if scenario.orbit.model == "j2" else 0)  # whose frame turns with the chief
-    placed = list(scenario.craft)
+    placed, wrong = list(scenario.craft), list[tuple[Place, str]]()
     for number, craft in enumerate(placed):
-        inertially = craft.start is not None and craft.start.inertially
-        for key, begins in (("start", inertially), ("states", craft.states is not None)):
-            if begins and found.sound(rf"craft\.{key}"):
-                from closeform.scenario.start_state import at_start  # only these craft need it
+        key = "states" if craft.states is not None else "start"
+        if craft.states is not None or (craft.start is not None and craft.start.inertially):
+            from closeform.scenario.start_state import at_start  # only these craft need it
 
-                try:
-                    placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs, field))
-                except ValueError as error:
-                    complain(("craft", number, key), str(error))
+            try:
+                placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs, field))
+            except ValueError as error:
+                wrong.append((("craft", number, key), str(error)))
+    if wrong:
+        raise Misplaced(*wrong)
     return replace(scenario, craft=tuple(placed))
 
 

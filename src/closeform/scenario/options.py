@@ -10,7 +10,7 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from closeform.scenario.craft import KeepOut
-from closeform.scenario.load import Reading, text_of, toml
+from closeform.scenario.load import read, text_of, toml
 from closeform.scenario.table import Name, ScenarioError, Table, complaints, did_you_mean, setting
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -104,28 +104,32 @@ class Kept(Table):
     keep_out: KeepOut = setting('{ sphere = "20 m" }', "keep-out zone", ...)
 
 
+class ZonesFile(Table):
+    """File of zones."""
+
+    craft: tuple[Kept, ...] = setting('{ name = ["F1", "F2"] }', "spacecraft", ...)
+
+
 def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:
     """Return the own zones of the craft `names` from the [craft] table of a file.
 
     Raises ScenarioError, with one line for each error.
     """
-    reading = Reading(toml(text_of(file), str(file)))
-    for key in reading.raw.keys() - {"craft"}:
-        reading.complain((key,), "unknown key; a file of zones has [craft] with name and keep_out only")
-    kept = reading.craft(Kept)
-    found = {craft.name: craft.keep_out.own() for craft in kept} if not reading.lines else {}
-    if found:
-        given = [craft.name for craft in kept]
-        for name in found:
-            if given.count(name) > 1:
-                reading.complain(("craft", "name"), f"{name} is given {given.count(name)} times; keep one")
-            if name not in names:
-                reading.complain(("craft", "name"), f"no ephemeris of {name}; {did_you_mean(name, names)}")
-        for name in dict.fromkeys(names):
-            if name not in found:
-                reading.complain(("craft", "name"), f"{name} is missing, which has an ephemeris; add it")
-    if reading.lines:
-        raise ScenarioError(str(file), reading.lines)
+    kept = read(ZonesFile, toml(text_of(file), str(file)), str(file)).craft
+    given, lines = [craft.name for craft in kept], []
+    for name in dict.fromkeys(given):
+        if given.count(name) > 1:
+            lines.append(f"{name} is given {given.count(name)} times; keep one")
+        if name not in names:
+            lines.append(f"no ephemeris of {name}; {did_you_mean(name, names)}")
+    lines += [
+        f"{name} is missing, which has an ephemeris; add it"
+        for name in dict.fromkeys(names)
+        if name not in given
+    ]
+    if lines:
+        raise ScenarioError(str(file), [f"craft.name: {line}" for line in lines])
+    found = {craft.name: craft.keep_out.own() for craft in kept}
     return [found[name] for name in names]
 
 

@@ -104,7 +104,10 @@ class FeedbackTable(Table):
         "6", "number of impulses of a correction; 0 for continuous thrust", 0
     )
     delay: Delay = setting(
-        '"5 s"', "time from a measurement to the response of continuous thrust, at most `every`", 0.0
+        '"5 s"',
+        "time from a measurement to the response of continuous thrust, at most `every`",
+        0.0,
+        excludes="impulses",
     )
 
     def flaws(self) -> Iterator[str]:
@@ -120,8 +123,6 @@ class FeedbackTable(Table):
                 f"delay of {self.delay:g} s is longer than the {self.every:g} s from one measurement to "
                 'the next; write for example delay = "5 s"'
             )
-        if self.delay and self.impulses:
-            yield "delay cannot be combined with impulses; remove one of them"
 
     def build(self) -> "Feedback":
         """Return the feedback that the table describes."""
@@ -194,6 +195,7 @@ def as_epoch(value: Any) -> Epoch:
 class Elements(Table):
     """Table `elements`: Keplerian elements of the chief at the epoch."""
 
+    alternatives = ("altitude", "semi_major_axis"), ("latitude", "mean_anomaly", "true_anomaly")
     altitude: Length | None = setting(
         '"550 km"', "semi-major axis minus `radius`, instead of `semi_major_axis`"
     )
@@ -203,18 +205,12 @@ class Elements(Table):
     )
     inclination: Angle = setting('"97.6 deg"', "inclination", ...)
     ascending_node: Angle = setting('"30 deg"', "right ascension of the ascending node", 0.0)
-    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee; with `eccentricity`", 0.0)
+    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee", 0.0, only_with="eccentricity")
     latitude: Angle | None = setting(
         '"10 deg"', "mean argument of latitude; one of this and the two anomalies"
     )
     mean_anomaly: Angle | None = setting('"10 deg"', "mean anomaly")
     true_anomaly: Angle | None = setting('"10 deg"', "true anomaly")
-
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("altitude", "semi_major_axis")
-        yield from self.one_of("latitude", "mean_anomaly", "true_anomaly")
-        if "argument_of_perigee" in self.model_fields_set and not self.eccentricity:
-            yield "argument_of_perigee requires eccentricity; add it, or remove argument_of_perigee"
 
     def state(self, mu: float, radius: float) -> Floats:
         """Return the inertial state (6,) [m, m/s]."""
@@ -237,6 +233,7 @@ class Elements(Table):
 class ChiefTable(Table):
     """Table `chief`: the orbit of the formation's origin."""
 
+    alternatives = (("elements", "state", "oem"),)
     elements: Elements | None = setting(
         '{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }',
         "Keplerian elements at the epoch",
@@ -247,14 +244,13 @@ class ChiefTable(Table):
     oem: FileName | None = setting('"chief.oem"', "orbit ephemeris message, interpolated at the epoch")
     frame: str | None = setting(
         '"GCRF"',
-        "inertial frame of `elements` or `state`: EME2000 (default), GCRF, ICRF, "
-        "J2000, MCI, MOD, TEME or TOD",
+        "inertial frame: EME2000 (default), GCRF, ICRF, J2000, MCI, MOD, TEME or TOD",
         min_length=1,
         only_with="elements state",
     )
     center: str | None = setting(
         '"EARTH"',
-        "central body of `elements` or `state`, by default EARTH",
+        "central body, by default EARTH",
         min_length=1,
         only_with="elements state",
     )
@@ -263,9 +259,6 @@ class ChiefTable(Table):
         "drag coefficient times area over mass of the origin, 0 for an orbit "
         "without drag; required with drag",
     )
-
-    def flaws(self) -> Iterator[str]:
-        yield from self.one_of("elements", "state", "oem")
 
     def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs, model: Model) -> "Chief":
         """Return the chief; raise ValueError for an invalid one, or one too far from a circle for Hill."""
@@ -289,6 +282,7 @@ class ChiefTable(Table):
 class OrbitTable(Table):
     """Table [orbit]: the circular orbit that the formation's frame follows, or deep space."""
 
+    alternatives = (("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief"),)
     deep_space: Literal[True] | None = setting("true", "no gravity")
     altitude: Length | None = setting('"500 km"', "altitude above `radius`")
     period: Seconds | None = setting('"95 min"', "orbital period")
@@ -296,18 +290,18 @@ class OrbitTable(Table):
     mean_motion: Rate | None = setting('"0.0634 deg/s"', "mean motion")
     latitude: Angle = setting(
         '"30 deg"',
-        "argument of latitude of the origin at the start, to which `roe` refers; not in deep space",
+        "argument of latitude of the origin at the start, to which `roe` refers",
         0.0,
         only_with="altitude period semi_major_axis mean_motion",
     )
     mu: Annotated[float, Reader(GRAVITY, least="positive")] | None = setting(
         '"398600.4418 km^3/s^2"',
-        "gravitational parameter, by default the Earth's; with `altitude`, `semi_major_axis` or `chief`",
+        "gravitational parameter, by default the Earth's",
         only_with="altitude semi_major_axis chief",
     )
     radius: Length | None = setting(
         '"6378.137 km"',
-        "equatorial radius of the central body, by default the Earth's; with `altitude` or `chief`",
+        "equatorial radius of the central body, by default the Earth's",
         only_with="altitude chief",
     )
     epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = setting(
@@ -320,22 +314,20 @@ class OrbitTable(Table):
         "hill",
     )
     chief: ChiefTable | None = setting(
-        '{ oem = "chief.oem" }', "orbit of the origin at the epoch; needs `epoch`", needs="epoch"
+        '{ oem = "chief.oem" }', "orbit of the origin at the epoch", needs="epoch"
     )
     field: FieldTable | None = setting(
         "{ zonals = 2 }",
-        "perturbations of the high-fidelity model; without it, Hill's equations only; needs `chief`",
+        "perturbations of the high-fidelity model; without it, Hill's equations only",
         needs="chief",
+        only_if={"model": ("hill",)},
     )
 
     _beside: ChiefOrbit | None = PrivateAttr(None)
 
     def flaws(self) -> Iterator[str]:
-        yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")
         if self.model != "hill" and self.chief is None:
             yield f'model = "{self.model}" needs chief; add it with epoch, or remove model'
-        if self.model != "hill" and self.field is not None:
-            yield f'field predicts for model = "hill" only, not "{self.model}"; remove one of them'
 
     def build(self) -> Orbit:
         """Return the orbit that the table describes; about a chief that is not on a circle a `ChiefOrbit`."""

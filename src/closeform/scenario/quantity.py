@@ -119,14 +119,16 @@ class Proving:
 class Reader:
     """Reader of `size` numbers of one `kind` with one unit; `size` 0 accepts any number of them.
 
-    `least` is "positive", "zero" (not negative) or "any". The reader returns a float for size 1, a Duration
-    for the kind DURATION and otherwise a tuple of floats. `of_none`, if not empty, is the remedy for a zero.
+    `least` is "positive", "zero" (not negative), "any", or a smallest quantity such as "0.01 s"; all numbers
+    are `below` a quantity, unless it is empty. The reader returns a float for size 1, a Duration for the
+    kind DURATION and otherwise a tuple of floats. `of_none`, if not empty, is the remedy for a zero.
     """
 
     kind: Kind
     size: int = 1
     least: str = "any"
     of_none: str = ""
+    below: str = ""
 
     def __call__(self, value: Any) -> float | tuple[float, ...] | Duration:
         if self.kind is DURATION:
@@ -206,7 +208,15 @@ class Reader:
             raise ValueError(f"{shown(value)} must be above zero; {remedy}")
         if self.least == "zero" and min(numbers) < 0.0:
             raise ValueError(f"{shown(value)} is negative; give zero or more, for example {self.example}")
+        if self.least not in ("any", "positive", "zero") and min(numbers) < self.limit(self.least):
+            raise ValueError(f"{shown(value)} is below {self.least}; write for example {self.example}")
+        if self.below and max(numbers) >= self.limit(self.below):
+            raise ValueError(f"{shown(value)} must be below {self.below}; write for example {self.example}")
         return numbers
+
+    def limit(self, text: str) -> float:
+        """Return one quantity of this kind in SI units."""
+        return Reader(self.kind).numbers(text)[0]
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,9 @@ from closeform.scenario.path_requirements import (
     QuietTime,
     Waypoint,
 )
-from closeform.scenario.quantity import Proving
+from closeform.scenario.quantity import SHARE, TIME, Proving, Reader
 from closeform.scenario.table import (
-    ALL,
-    EACH,
+    UNKNOWN_VERB,
     Drift,
     Length,
     Margin,
@@ -32,14 +31,13 @@ from closeform.scenario.table import (
     Names,
     Position,
     Proof,
-    Seconds,
-    Share,
     Span,
     Speed,
     Table,
     Vector,
     Velocity,
     setting,
+    tag,
 )
 
 Cost = Literal["energy", "delta-v"]
@@ -137,24 +135,24 @@ class Thrusting(Engine, Drifting):
     )
     failure: Failed | None = setting(
         '"thrust lost"',
-        'failure that precedes the drift, by default "thrust lost"; with `drift`',
+        'failure that precedes the drift, by default "thrust lost"',
         only_with="drift",
     )
-    least: Share | None = setting(
-        '"90 %"', "minimum share of the planned thrust that missed burns or weak thrust give; by default 0 %"
+    least: Annotated[float, Reader(SHARE, least="zero", below="100 %")] | None = setting(
+        '"90 %"',
+        "minimum share of the planned thrust that missed burns or weak thrust give; by default 0 %",
+        only_if={"failure": ("burns missed", "thrust weak")},
     )
     longest: Span | None = setting(
-        '"10 s"', 'maximum time of stuck-on thrust; required with failure = "thrust stuck"'
+        '"10 s"',
+        "maximum time of stuck-on thrust",
+        only_if={"failure": ("thrust stuck",)},
     )
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
-            yield 'least requires failure = "burns missed" or "thrust weak"; remove least'
-        if self.least is not None and self.least >= 1.0:
-            yield 'least is a share below 100 %; write for example least = "90 %"'
-        if (self.longest is not None) != (self.failure == "thrust stuck"):
-            yield 'failure = "thrust stuck" and longest belong together; write for example longest = "10 s"'
+        if self.failure == "thrust stuck" and self.longest is None:
+            yield 'failure = "thrust stuck" needs longest; add for example longest = "10 s"'
         if self.longest is not None and self.longest.orbits:
             yield 'longest is a time; write for example longest = "10 s"'
 
@@ -364,7 +362,9 @@ class Joint(Clearing):
         "joint",
     )
     order: Names | None = setting(
-        '["F3", "F1"]', 'planning order or right of way, by default that of `name`; not with plan = "joint"'
+        '["F3", "F1"]',
+        "planning order or right of way, by default that of `name`",
+        only_if={"plan": ("sequential", "distributed")},
     )
     if_blocked: Fallbacks = setting(
         FALLBACK_EXAMPLE,
@@ -379,8 +379,6 @@ class Joint(Clearing):
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.order is not None and self.plan == "joint":
-            yield 'order requires plan = "sequential" or "distributed"; remove order'
         if self.cost == "delta-v" and self.plan != "joint":
             yield f'plan = "{self.plan}" cannot be combined with cost = "{self.cost}"; remove one of them'
 
@@ -396,22 +394,17 @@ class Scatter(Joint):
     """Move of all craft away from each other."""
 
     do: Literal["scatter"] = setting('"scatter"', "kind of stage", ...)
+    alternatives = (("factor", "point"),)
     factor: Annotated[float, Field(gt=1, le=1e6)] | None = setting(
         "3.0", "smallest growth of every distance, above 1"
     )
     point: Position | None = setting(
         '"0 0 0 m"',
-        "point to move away from, instead of `factor`; needs `distance`",
+        "point to move away from, instead of `factor`",
         alias="from",
         needs="distance",
     )
-    distance: Length | None = setting(
-        '"1 km"', "distance from that point; required with `from`", only_with="point"
-    )
-
-    def flaws(self) -> Iterator[str]:
-        yield from super().flaws()
-        yield from self.one_of("factor", "point")
+    distance: Length | None = setting('"1 km"', "distance from that point", only_with="point")
 
     @property
     def away(self) -> tuple[Vector, float]:
@@ -430,11 +423,12 @@ class Regather(Joint):
 
 def one_or_each(value: Any) -> str:
     """Return how `to` is given: as one goal for all craft, or as a list with one target for each."""
-    return EACH if isinstance(value, list | tuple) else ALL
+    return tag("Target" if isinstance(value, list | tuple) else "Goal")
 
 
 Goals = Annotated[
-    Annotated[Goal, Tag(ALL)] | Annotated[tuple[Target, ...], Field(strict=False, min_length=1), Tag(EACH)],
+    Annotated[Goal, Tag(tag("Goal"))]
+    | Annotated[tuple[Target, ...], Field(strict=False, min_length=1), Tag(tag("Target"))],
     Discriminator(one_or_each),
 ]
 
@@ -528,30 +522,37 @@ class Gather(StageTable):
         "least",
     )
     again: bool = setting("false", "true after a fault by which known spacecraft were lost", False)
-    step: Seconds | None = setting(
+    step: Annotated[float, Reader(TIME, least="0.01 s")] | None = setting(
         '"1 s"', "detect locks only at multiples of this time, at least 0.01 s; by default at any time"
     )
     animation: bool = setting("false", "true for a GIF of the motion of up to 200 spacecraft", True)
 
-    def flaws(self) -> Iterator[str]:
-        yield from super().flaws()
-        if self.step is not None and self.step < 0.01:
-            yield 'step must be at least 0.01 s; write for example step = "1 s"'
-
-
-class Unknown(StageTable):
-    """Stage with an invalid `do`; it keeps its place while other errors are collected."""
-
-    keeps_out = False
-
 
 STAGES: dict[str, type[StageTable]] = {
-    "coast": Coast,
-    "transfer": Transfer,
-    "avoid": Avoid,
-    "scatter": Scatter,
-    "regather": Regather,
-    "reconfigure": Reconfigure,
-    "lock": Lock,
-    "gather": Gather,
+    kind.__name__.lower(): kind
+    for kind in (Coast, Transfer, Avoid, Scatter, Regather, Reconfigure, Lock, Gather)
 }
+
+
+def kind_of(value: Any) -> str | None:
+    """Return the tag of the kind of stage that `do` names; None for another value."""
+    verb = value.get("do") if isinstance(value, dict) else getattr(value, "verb", None)
+    return tag(STAGES[verb].__name__) if isinstance(verb, str) and verb in STAGES else None
+
+
+Stage = Annotated[
+    Annotated[Coast, Tag(tag("Coast"))]
+    | Annotated[Transfer, Tag(tag("Transfer"))]
+    | Annotated[Avoid, Tag(tag("Avoid"))]
+    | Annotated[Scatter, Tag(tag("Scatter"))]
+    | Annotated[Regather, Tag(tag("Regather"))]
+    | Annotated[Reconfigure, Tag(tag("Reconfigure"))]
+    | Annotated[Lock, Tag(tag("Lock"))]
+    | Annotated[Gather, Tag(tag("Gather"))],
+    Discriminator(
+        kind_of,
+        custom_error_type=UNKNOWN_VERB,
+        custom_error_message="unknown",
+        custom_error_context={"verbs": list(STAGES)},
+    ),
+]

@@ -2,12 +2,10 @@
 
 import json
 import re
-import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from math import inf
-from types import NoneType
-from typing import Annotated, Any, Literal, Self, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -15,7 +13,6 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
-    ValidationInfo,
     model_validator,
 )
 from pydantic.fields import FieldInfo
@@ -39,27 +36,41 @@ from closeform.scenario.quantity import (
     unit_of,
 )
 
-FLAWED = {"flawed": True}  # validation context that accepts inconsistent tables
+Groups = tuple[tuple[str, ...], ...]
+UNKNOWN_VERB = "unknown_verb"  # type of the error of a stage whose `do` is missing or unknown
 FOREVER = "forever"  # duration of a drift without an end
-ALL, EACH = "<all>", "<each>"  # the two forms of a key: one table for all craft, or a list with one per craft
 
 
 def setting(
-    example: str, help: str, default: Any = None, needs: str = "", only_with: str = "", **checks: Any
+    example: str,
+    help: str,
+    default: Any = None,
+    *,
+    needs: str = "",
+    only_with: str = "",
+    only_if: Mapping[str, tuple[Any, ...]] | None = None,
+    excludes: str = "",
+    **checks: Any,
 ) -> Any:
     """Return the description of a key, from which its checks, messages and reference derive.
 
     `example` is a value as written in a file and `help` one line. A key with the default `...` is required.
-    The key `needs` another, and is allowed `only_with` one of several others, which are fields.
+    The key `needs` another field, is allowed `only_with` one of several fields and `only_if` a field has one
+    of some values, and `excludes` others. `checks` are those of pydantic, such as `ge` and `alias`.
     """
     usual = {"default_factory": default} if callable(default) else {"default": default}
-    rules: Any = {"needs": needs, "only_with": only_with.split()}
+    rules: Any = {"needs": needs, "only_with": only_with.split(), "excludes": excludes.split()}
+    rules["only_if"] = dict(only_if or {})
     return Field(examples=[example], description=help, json_schema_extra=rules, **usual, **checks)
 
 
 class Table(BaseModel):
-    """Frozen table that rejects unknown keys."""
+    """Frozen table that rejects unknown keys.
 
+    `alternatives`: groups of fields, of each of which exactly one is given.
+    """
+
+    alternatives: ClassVar[Groups] = ()
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_alias=True
     )
@@ -81,7 +92,24 @@ class Table(BaseModel):
             words = [word for part in parts for word in choices(part)]
             example = " or ".join(words) or (field.examples or [""])[0]
             default = "required" if field.is_required() else default_text(field)
-            yield cls.key_of(name), example, default, field.description or ""
+            yield (
+                cls.key_of(name),
+                example,
+                default,
+                "; ".join([field.description or "", *cls.rules_of(name)]),
+            )
+
+    @classmethod
+    def rules_of(cls, name: str) -> Iterator[str]:
+        """Yield each rule of a field as words of the reference."""
+        rules: Any = cls.model_fields[name].json_schema_extra or {}
+        words = {"needs": rules.get("needs", "").split(), "with": rules.get("only_with", [])}
+        words["not with"] = rules.get("excludes", [])
+        for rule, others in words.items():
+            if others:
+                yield f"{rule} {' or '.join(f'`{cls.key_of(other)}`' for other in others)}"
+        for other, values in rules.get("only_if", {}).items():
+            yield f"with {cls.key_of(other)} = {' or '.join(map(json.dumps, values))}"
 
     @classmethod
     def missing(cls, key: str) -> str:
@@ -96,28 +124,24 @@ class Table(BaseModel):
         """Return the key in the file for a field name."""
         return cls.model_fields[name].alias or name
 
-    @classmethod
-    def example(cls, key: str) -> Any:
-        """Return an example value for a key; it replaces a wrong value while other errors are collected."""
-        return tomllib.loads(f"value = {cls.examples()[key]}")["value"]
-
     @model_validator(mode="after")
-    def fits(self, info: ValidationInfo) -> Self:
-        """Raise ValueError for inconsistent keys, unless the context is FLAWED."""
-        if info.context != FLAWED and (flaws := self.all_flaws()):
+    def fits(self) -> Self:
+        """Raise ValueError, with one line per inconsistency among the keys."""
+        if flaws := self.all_flaws():
             raise ValueError("\n".join(flaws))
         return self
 
     def all_flaws(self) -> list[str]:
         """Return one line per inconsistency among the keys, as `what is wrong; remedy`."""
-        found = list(self.flaws())
+        found = [flaw for group in self.alternatives for flaw in self.one_of(group)]
         for name, field in type(self).model_fields.items():
             rules: Any = field.json_schema_extra or {}
             found += self.unmet(name, rules.get("needs", ""), rules.get("only_with", []))
-        return list(dict.fromkeys(found))
+            found += self.excluded(name, rules.get("excludes", []), rules.get("only_if", {}))
+        return list(dict.fromkeys(found or self.flaws()))
 
     def flaws(self) -> Iterator[str]:
-        """Yield one line per inconsistency that the descriptions of the keys do not state."""
+        """Yield one line per inconsistency of keys that agree with their descriptions."""
         return iter(())
 
     def unmet(self, name: str, needed: str = "", partners: Sequence[str] = ()) -> Iterator[str]:
@@ -126,11 +150,26 @@ class Table(BaseModel):
         if needed and getattr(self, name) is not None and getattr(self, needed) is None:
             yield f"{key} needs {other}; add for example {other} = {self.examples()[other]}"
         given = name in self.model_fields_set and getattr(self, name) is not None
-        if partners and given and all(getattr(self, one) is None for one in partners):
+        if partners and given and not any(getattr(self, one) for one in partners):
             keys = " or ".join(map(self.key_of, partners))
             yield f"{key} requires {keys}; add one, or remove {key}"
 
-    def one_of(self, *names: str) -> Iterator[str]:
+    def excluded(
+        self, name: str, others: Sequence[str], only_if: Mapping[str, tuple[Any, ...]]
+    ) -> Iterator[str]:
+        """Yield a flaw of a given key with another that it excludes, or that has another value."""
+        if name not in self.model_fields_set or not getattr(self, name):
+            return
+        key = self.key_of(name)
+        for other in others:
+            if other in self.model_fields_set and getattr(self, other):
+                yield f"{key} and {self.key_of(other)} exclude each other; keep one"
+        for other, values in only_if.items():
+            if getattr(self, other) not in values:
+                either = " or ".join(map(json.dumps, values))
+                yield f"{key} requires {self.key_of(other)} = {either}; remove {key}"
+
+    def one_of(self, names: Sequence[str]) -> Iterator[str]:
         """Yield a flaw unless exactly one of the keys is given."""
         keys = {name: self.key_of(name) for name in names}
         given = [key for name, key in keys.items() if getattr(self, name) is not None]
@@ -268,29 +307,14 @@ def dotted(place: Place) -> str:
     """Return a place in the file as text, such as `stage[2].keep_out.sphere`, counted from one."""
     text = ""
     for part in place:
-        if part in (ALL, EACH):
-            continue
         if isinstance(part, int):
             text += f"[{part + 1}]"
+        elif is_tag(part):
+            continue
         else:
             key = part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else shown(part)
             text += f".{key}" if text else key
     return text
-
-
-def key_of(line: str) -> str:
-    """Return the key that a line is about, without keys inside its value: `stage[2].to`.
-
-    For draws, the key includes the drawn key: `study.vary."craft.mass"`.
-    """
-    found = re.match(r'[a-z_]+(?:\[\d+\])?(?:\.[\w-]+)?(?:\."[^"]*")?', line)
-    return found[0] if found else line
-
-
-def meant_by(line: str) -> str | None:
-    """Return the known key that a line suggests for an unknown one, or None."""
-    found = re.search(r"unknown key; did you mean ([\w-]+)\?$", line)
-    return found[1] if found else None
 
 
 def did_you_mean(word: str, known: Iterable[str], near: Sequence[str] | None = None) -> str:
@@ -309,8 +333,11 @@ def alike(key: str, known: Iterable[str], most: int) -> list[str]:
 def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Place, str]]:
     """Yield the place and the message of every error that pydantic found in a table."""
     for found in error.errors(include_url=False):
+        place, value = found["loc"], found["input"]
+        if found["type"] == UNKNOWN_VERB and isinstance(value, dict):
+            place = *place, "do"
         for line in message(found, table).split("\n"):
-            yield found["loc"], line
+            yield place, line
 
 
 def message(found: Any, table: type[Table]) -> str:
@@ -327,6 +354,10 @@ def message(found: Any, table: type[Table]) -> str:
         return f"unknown key; {did_you_mean(key, keys, inside or None)}"
     if kind == "value_error":
         return str(context["error"])
+    if kind == UNKNOWN_VERB and isinstance(value, dict):
+        if "do" not in value:
+            return f'missing; add for example do = "{context["verbs"][0]}"'
+        return f"{shown(value['do'])} is not known here; {did_you_mean(str(value['do']), context['verbs'])}"
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         if choices and isinstance(value, str):
@@ -338,6 +369,7 @@ def message(found: Any, table: type[Table]) -> str:
         "bool_type": "is neither true nor false",
         "tuple_type": "is not a list",
         "dict_type": "is not a table",
+        UNKNOWN_VERB: "is not a table",
         "model_type": "is not a table",
         "finite_number": "is not finite",
         "greater_than": f"is not above {context.get('gt')}",
@@ -348,18 +380,30 @@ def message(found: Any, table: type[Table]) -> str:
 
 
 def keys_in(place: Place) -> list[str]:
-    """Return the keys of a place, without indices and the marks of a key with two forms."""
-    return [part for part in place if isinstance(part, str) and part not in (ALL, EACH)]
+    """Return the keys of a place, without indices and tags."""
+    return [part for part in place if isinstance(part, str) and not is_tag(part)]
+
+
+def tag(kind: str) -> str:
+    """Return the mark in a place of one of several kinds of table, by the name of its class."""
+    return f"<{kind}>"
+
+
+def is_tag(part: str) -> bool:
+    """Return True for a `tag`."""
+    return part.startswith("<") and part.endswith(">")
 
 
 def owner_of(table: type[Table], place: Place) -> type[Table] | None:
     """Return the table class that the last key of a place belongs to, or None."""
     owner: type[Table] | None = table
-    for key in keys_in(place)[:-1]:
+    keys = keys_in(place)
+    tags = [part for part in place if isinstance(part, str) and is_tag(part)]
+    for key in keys[:-1]:
         field = {f.alias or name: f for name, f in owner.model_fields.items()}.get(key) if owner else None
         if field is not None:  # otherwise a key of a free mapping like [study.vary]
             tables = [*tables_in(field.annotation)]
-            owner = tables[-1 if EACH in place else 0] if tables else None
+            owner = next((one for one in tables if tag(one.__name__) in tags), tables[0] if tables else None)
     return owner
 
 
@@ -368,14 +412,6 @@ def keys_inside(table: type[Table]) -> Iterator[str]:
     for name, field in table.model_fields.items():
         for inner in tables_in(field.annotation):
             yield from (f"{table.key_of(name)}.{key}" for key in inner.examples())
-
-
-def tables_inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
-    """Yield each key that holds exactly one kind of table, without a validator, and its class."""
-    for name, field in table.model_fields.items():
-        kinds = [one for one in get_args(field.annotation) or (field.annotation,) if one is not NoneType]
-        if len(kinds) == 1 and kinds == [*tables_in(kinds[0])] and not field.metadata:
-            yield table.key_of(name), kinds[0]
 
 
 def tables_in(annotation: Any) -> Iterator[type[Table]]:

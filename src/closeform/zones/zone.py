@@ -71,6 +71,26 @@ class Zone:
     matrix: Floats
     faces: Floats = field(default_factory=lambda: np.empty((0, 3)))
 
+    def __repr__(self) -> str:
+        """Return the zone as a user creates it, with numbers to six digits."""
+        if self.shape == FACES:
+            planes = self.faces @ self.matrix
+            offsets = 1.0 / np.linalg.norm(planes, axis=1)
+            return f"HalfSpaces({_digits(planes * offsets[:, None])}, {_digits(offsets)})"
+        lengths = 1.0 / np.linalg.norm(self.matrix, axis=1)
+        axes = self.matrix * lengths[:, None]
+        if not np.allclose(axes @ axes.T, np.eye(3), atol=1e-9):
+            if self.shape != BALL:
+                return f"Zone({self.shape}, {_digits(self.matrix)})"
+            _, inverse, axes = np.linalg.svd(self.matrix)
+            lengths = 1.0 / inverse
+        if self.shape == CYLINDER:
+            return f"Cylinder({lengths[0]:.6g}, {lengths[2]:.6g}, {_digits(axes[2])})"
+        if self.shape == BALL and np.allclose(lengths, lengths[0], rtol=1e-12):
+            return f"Sphere({lengths[0]:.6g})"
+        turned = "" if np.allclose(axes, np.eye(3), atol=1e-12) else f", axes={_digits(axes)}"
+        return f"{'Box' if self.shape == CUBE else 'Ellipsoid'}({_digits(lengths)}{turned})"
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", np.array(self.matrix, dtype=float, order="C"))
         object.__setattr__(self, "faces", np.array(self.faces, dtype=float, order="C"))
@@ -294,6 +314,13 @@ class Zone:
         ways = np.eye(3)
         widths: Floats = np.maximum(self.support(ways), self.support(-ways))
         return widths
+
+
+def _digits(values: Floats) -> str:
+    """Return numbers as nested lists with six digits."""
+    if values.ndim > 1:
+        return f"[{', '.join(map(_digits, values))}]"
+    return f"[{', '.join(f'{value:.6g}' for value in values + 0.0)}]"
 
 
 def scaled_norm(zone: Zone, q: Floats) -> Any:

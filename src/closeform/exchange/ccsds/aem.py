@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ccsds.oem_opm_text import ORIGINATOR, keyed
-from closeform.exchange.epochs import now
+from closeform.exchange.ccsds.message_text import head, keyed
 from closeform.exchange.export_tracks.track import FileFrame, text_rows
 
 BODY = "SC_BODY_1"
@@ -38,8 +37,7 @@ def quaternions(attitudes: Any) -> Floats:
 
 def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, Floats]]) -> str:
     """Return an AEM in key-value form from the times (T,) [s] and quaternions (T, 4) of each turn."""
-    lines = ["CCSDS_AEM_VERS = 1.0", *(f"COMMENT {line}" for line in (*frame.about, *CONVENTION))]
-    parts = ["\n".join([*lines, f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", ""])]
+    parts = ["\n".join([*head("AEM", "1.0", (*frame.about, *CONVENTION)), ""])]
     for times, values in turns:
         stamps = frame.stamps(times)
         metadata = {

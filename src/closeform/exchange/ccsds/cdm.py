@@ -25,6 +25,7 @@ from closeform.exchange.ccsds.entries import (
     require,
     within,
 )
+from closeform.exchange.ccsds.message_text import STATE, covariance_units
 from closeform.exchange.ephemerides.covariance import LOWER, from_lower
 from closeform.exchange.epochs import clock, now
 
@@ -40,13 +41,7 @@ WORDS = {  # keywords of an object, by field
     "manoeuvrable": "MANEUVERABLE",
     "frame": "REF_FRAME",
 }
-STATE = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
-PARTS = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
-SQUARES = ("m**2", "m**2/s", "m**2/s**2")  # by how many of the two components are rates
-COVARIANCE = {
-    f"C{PARTS[row]}_{PARTS[column]}": SQUARES[int(row > 2) + int(column > 2)]
-    for row, column in zip(*LOWER, strict=True)
-}
+COVARIANCE = covariance_units(("R", "T", "N", "RDOT", "TDOT", "NDOT"), "m")
 # Version 1.0 messages give radii in comments: COMMENT HBR and COMMENT EXCLUSION_VOLUME_RADIUS (CARA, others).
 RADIUS = re.compile(r"(?:HBR|HARD[ _-]?BODY[ _-]?RADIUS)\s*[=:]\s*(\S+)\s*(?:\[(\S+)\])?", re.IGNORECASE)
 EXCLUDED = re.compile(r"EXCLUSION[ _]VOLUME[ _]RADIUS\s*=\s*(\S+)\s*(?:\[(\S+)\])?", re.IGNORECASE)

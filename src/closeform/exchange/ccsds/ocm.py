@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ccsds.oem_opm_text import ORIGINATOR, STATE, comments, keyed
-from closeform.exchange.epochs import now
+from closeform.exchange.ccsds.message_text import ROW, head, keyed
+from closeform.exchange.ccsds.track_messages import comments
 from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
 from closeform.exchange.export_tracks.track import FileFrame, Track, text_rows
 
@@ -20,10 +20,9 @@ UNITS = {"MAN_DURA": "s", MASS: "kg", "ACC_INTERP": "n/a"}
 
 def ocm(track: Track, frame: FileFrame) -> str:
     """Return an OCM in key-value form; times count in seconds from EPOCH_TZERO."""
-    head = ["CCSDS_OCM_VERS = 3.0", *(f"COMMENT {line}" for line in comments(track, frame))]
-    head += [f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", "", "META_START"]
+    lines = [*head("OCM", "3.0", comments(track, frame)), "", "META_START"]
     first, last = frame.stamps(np.array(track.span))
-    head += keyed(
+    lines += keyed(
         {
             "OBJECT_NAME": track.name,
             "INTERNATIONAL_DESIGNATOR": track.object_id,
@@ -33,7 +32,7 @@ def ocm(track: Track, frame: FileFrame) -> str:
             "STOP_TIME": last,
         }
     )
-    parts = ["\n".join([*head, "META_STOP", ""])]
+    parts = ["\n".join([*lines, "META_STOP", ""])]
     for number, piece in enumerate(track.pieces, 1):
         metadata = {
             "TRAJ_ID": f"{track.name} {number}",
@@ -46,7 +45,7 @@ def ocm(track: Track, frame: FileFrame) -> str:
             "TRAJ_UNITS": "[km, km, km, km/s, km/s, km/s]",
         }
         parts.append(block("TRAJ", metadata))
-        parts.append(text_rows(seconds(piece.times), STATE, piece.states / 1e3))
+        parts.append(text_rows(seconds(piece.times), ROW, piece.states / 1e3))
         parts.append("TRAJ_STOP\n")
     if track.mass is not None:
         parts.append(f"\nPHYS_START\nWET_MASS = {track.mass:.9f} [kg]\nPHYS_STOP\n")
@@ -87,11 +86,11 @@ def impulses(track: Track, frame: FileFrame) -> list[str]:
         return []
     known = np.isfinite(burns.propellant[kicks]).all()
     composition = (*IMPULSE[:2], MASS, *IMPULSE[2:]) if known else IMPULSE
-    head = manoeuvre(track, frame, "impulses", composition, "impulses: the velocity jumps at the time tag")
+    begin = manoeuvre(track, frame, "impulses", composition, "impulses: the velocity jumps at the time tag")
     mass = [-burns.propellant[kicks]] if known else []
     columns = [burns.duration[kicks], *mass, *(burns.push[kicks] / 1e3).T]
     form = " ".join(["%s", "%.9f", *["%.12g"] * bool(mass), *["%.15g"] * 3])
-    return [head, text_rows(seconds(burns.start[kicks]), form, np.stack(columns, axis=1)), "MAN_STOP\n"]
+    return [begin, text_rows(seconds(burns.start[kicks]), form, np.stack(columns, axis=1)), "MAN_STOP\n"]
 
 
 def thrusts(track: Track, frame: FileFrame) -> list[str]:

@@ -14,10 +14,10 @@ from pathlib import Path as FilePath
 
 from closeform.arrays import Floats, instance, sequence
 from closeform.exchange.ccsds.entries import message, within
+from closeform.exchange.ccsds.message_text import Segment, oem_key_values
 from closeform.exchange.ccsds.oem_segments import ephemeris_of, segments_of
-from closeform.exchange.ephemerides.covariance import covariance_lines
 from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
-from closeform.exchange.epochs import Epoch, now, seconds_of
+from closeform.exchange.epochs import Epoch, seconds_of
 
 
 def read_oem(file: str | PathLike[str]) -> Ephemeris:
@@ -110,7 +110,7 @@ def write_oem(
     originator: str = "CLOSEFORM",
     comments: Sequence[str] = (),
 ) -> None:
-    """Write an ephemeris as an OEM in key-value form, to 1e-6 m and 1e-9 m/s, with its covariances.
+    """Write an ephemeris as an OEM in key-value form, to 1e-9 m and 1e-12 m/s, with its covariances.
 
     Parameters
     ----------
@@ -136,35 +136,21 @@ def write_oem(
     instance("ephemeris", ephemeris, Ephemeris)
     instance("originator", originator, str)
     comments = sequence("comments", comments, str)
-    stamps = _stamps(ephemeris, ephemeris.times)
-    lines = [
-        "CCSDS_OEM_VERS = 2.0",
-        *(f"COMMENT {comment}" for comment in comments),
-        f"CREATION_DATE = {now()}",
-        f"ORIGINATOR = {originator}",
-        "",
-        "META_START",
-        f"OBJECT_NAME = {ephemeris.name}",
-        f"OBJECT_ID = {ephemeris.object_id}",
-        f"CENTER_NAME = {ephemeris.center}",
-        f"REF_FRAME = {ephemeris.frame}",
-        f"TIME_SYSTEM = {ephemeris.time_system}",
-        f"START_TIME = {stamps[0]}",
-        f"STOP_TIME = {stamps[-1]}",
-        "META_STOP",
-        "",
-    ]
-    for stamp, state in zip(stamps, ephemeris.states / 1e3, strict=True):
-        position = " ".join(f"{value:17.9f}" for value in state[:3])
-        lines.append(f"{stamp} {position} " + " ".join(f"{value:16.12f}" for value in state[3:]))
-    if ephemeris.covariances is not None:
-        stamps = _stamps(ephemeris, ephemeris.covariances.times)
-        held = ephemeris.covariances
-        lines += covariance_lines(held.matrices, stamps, held.frames, ephemeris.frame)
-    FilePath(file).write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _stamps(ephemeris: Ephemeris, times: Floats) -> list[str]:
-    """Return times [s] as epochs, to a nanosecond."""
     start = Epoch(ephemeris.epoch, ephemeris.time_system)
-    return [re.sub(r"\.?0+$", "", stamp) for stamp in start.stamps(times)]
+
+    def stamps(times: Floats) -> list[str]:
+        return [re.sub(r"\.?0+$", "", stamp) for stamp in start.stamps(times)]
+
+    own, held = stamps(ephemeris.times), ephemeris.covariances
+    metadata = {
+        "OBJECT_NAME": ephemeris.name,
+        "OBJECT_ID": ephemeris.object_id,
+        "CENTER_NAME": ephemeris.center,
+        "REF_FRAME": ephemeris.frame,
+        "TIME_SYSTEM": ephemeris.time_system,
+        "START_TIME": own[0],
+        "STOP_TIME": own[-1],
+    }
+    known = () if held is None else (stamps(held.times), held.matrices, held.frames)
+    text = oem_key_values([Segment(metadata, own, ephemeris.states, *known)], comments, originator)
+    FilePath(file).write_text(text, encoding="utf-8")

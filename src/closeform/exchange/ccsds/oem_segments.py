@@ -9,6 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.ccsds.entries import CORRECT, Entry, by_keyword, number_in, numbers_in, require
+from closeform.exchange.ccsds.message_text import COVARIANCE
 from closeform.exchange.ephemerides.covariance import LOWER, Covariances, check, from_lower
 from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris, flaw_of_frame, flaw_of_states
 from closeform.exchange.epochs import EpochError, seconds_of
@@ -22,8 +23,6 @@ OPTIONAL = (
     "INTERPOLATION",
     "INTERPOLATION_DEGREE",
 )
-PARTS = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
-NAMED = [f"C{PARTS[row]}_{PARTS[column]}" for row, column in zip(*LOWER, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -149,8 +148,8 @@ def _lower(epoch: Entry, entries: Sequence[Entry]) -> list[float]:
     """Return the 21 values of one covariance, from six rows of key-value form or by name in XML."""
     if entries and entries[0].keyword:
         found = by_keyword(entries, f"in the covariance of {epoch.value}")
-        require(found, NAMED, f"in the covariance of {epoch.value}")
-        return [number_in(found[name].line, found[name].value) for name in NAMED]
+        require(found, COVARIANCE, f"in the covariance of {epoch.value}")
+        return [number_in(found[name].line, found[name].value) for name in COVARIANCE]
     values: list[float] = []
     for row, entry in enumerate(entries, 1):
         words = entry.value.split()

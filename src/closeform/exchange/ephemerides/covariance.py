@@ -64,17 +64,6 @@ class Covariances(Result):
         return len(self.times)
 
 
-def covariance_lines(matrices: Floats, stamps: Sequence[str], frames: Sequence[str], own: str) -> list[str]:
-    """Return the lines of an OEM block in km^2, km^2/s and km^2/s^2, with frames other than `own`."""
-    lines = ["", "COVARIANCE_START"]
-    for stamp, matrix, given in zip(stamps, matrices / 1e6, frames, strict=True):
-        lines.append(f"EPOCH = {stamp}")
-        if given != own:
-            lines.append(f"COV_REF_FRAME = {given}")
-        lines += [" ".join(f"{value:.15e}" for value in matrix[row, : row + 1]) for row in range(6)]
-    return [*lines, "COVARIANCE_STOP"]
-
-
 def from_lower(values: Sequence[float]) -> Floats:
     """Return a symmetric matrix (6, 6) from its 21 lower values, row by row."""
     matrix = np.zeros((6, 6))
