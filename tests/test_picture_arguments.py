@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from calls import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, STAYS, is_named
+from calls import BALL, COAST, GATHERED, MOVE, REST, SEARCH, STAYS, is_named
 from calls import CALLS as OTHERS
 from closeform.scenario import ScenarioError
 from public_names import CALLABLES
