@@ -125,17 +125,13 @@ void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_st
     }
 }
 
-/* The arc in which the motion goes on after time t: by halves, at most 32 of them. */
+/* The arc in which the motion goes on after time t, by halves. */
 uint32_t cfi_locate(const cff_path_t *path, double t)
 {
     uint32_t first = 0U;
-    uint32_t last = path->count;
-    for (uint32_t k = 0U; (k < 32U) && ((last - first) > 1U); k++) {
-        const uint32_t middle = first + ((last - first) / 2U);
-        if (path->arcs[middle].start_s <= t) {
-            first = middle;
-        } else {
-            last = middle;
+    for (uint32_t step = CFF_MOST_ARCS / 2U; step > 0U; step /= 2U) {
+        if (((first + step) < path->count) && (path->arcs[first + step].start_s <= t)) {
+            first += step;
         }
     }
     return first;

@@ -167,7 +167,7 @@ static void solve_multipliers(const scene_t *scene, double lift, double soft, ui
     cff_avoid_work_t *work = scene->work;
     const uint32_t count = work->count;
     double push[CFF_MOST_CONTACTS] = {0};
-    double gap[CFF_MOST_CONTACTS];
+    double gap[CFF_MOST_CONTACTS] = {0};
     for (uint32_t k = 0U; k < count; k++) {
         set_force(&work->touches[k], 0.0);
     }

@@ -261,13 +261,9 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
     const double begin = cfi_angle(chief, arc->start_s);
     const double turns = turns_before(chief, begin);
     uint32_t first = 0U;
-    uint32_t last = chief->windows;
-    for (uint32_t k = 0U; (k < 32U) && ((last - first) > 1U); k++) {
-        const uint32_t middle = first + ((last - first) / 2U);
-        if (joint(chief, middle, turns) <= (begin + ON_JOINT)) {
-            first = middle;
-        } else {
-            last = middle;
+    for (uint32_t step = CFF_MOST_WINDOWS / 2U; step > 0U; step /= 2U) { /* by halves */
+        if (((first + step) < chief->windows) && (joint(chief, first + step, turns) <= (begin + ON_JOINT))) {
+            first += step;
         }
     }
     place->window = first;

@@ -45,7 +45,9 @@ def main():
     for orbit in orbits:
         used, gaps, excess, ends_off, impulses, final = [], [], [], [], [], 0
         for k in range(COUNT):
-            duration = float(rng.uniform(0.05, 2.5)) * (orbit.period if CHIEF or orbit.mean_motion else 6000.0)
+            duration = float(rng.uniform(0.05, 2.5)) * (
+                orbit.period if CHIEF or orbit.mean_motion else 6000.0
+            )
             ends = rng.normal(size=(2, 6)) * ([200.0] * 3 + [0.1] * 3)
             if k % 4 == 0:
                 ends[:, [2, 5]] = 0.0  # in plane

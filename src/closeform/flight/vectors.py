@@ -141,7 +141,8 @@ def impulses(rng: np.random.Generator) -> Iterator[str]:
             start, duration = rng.uniform(0.0, 500.0), rng.uniform(1000.0, 5000.0)
             ends = rng.normal(size=(2, 6)) * ([100.0] * 3 + [0.1] * 3)
             least = orbit.impulsive(*ends, duration, start=start).delta_v
-            yield f"{number}, {start.hex()}, {duration.hex()}, {row(ends[0])}, {row(ends[1])}, {float(least).hex()}"
+            given = f"{number}, {start.hex()}, {duration.hex()}, {row(ends[0])}, {row(ends[1])}"
+            yield f"{given}, {float(least).hex()}"
 
 
 def avoidances(rng: np.random.Generator) -> Iterator[str]:
