@@ -259,7 +259,8 @@ static double slide(const scene_t *scene, cff_touch_t *touch, double share, uint
     double moved = fabs(near.time_s - touch->time_s) / length;
     touch->time_s += share * (near.time_s - touch->time_s);
     const double norm = sqrt(cfi_dot(r, r));
-    for (uint32_t i = 0U; (i < 3U) && (norm > 1e-9); i++) {
+    const bool apart = (norm > 1e-9);
+    for (uint32_t i = 0U; (i < 3U) && apart; i++) {
         const double turn = (r[i] / norm) - touch->normal[i];
         moved = cfi_max(moved, fabs(turn));
         touch->normal[i] += share * turn;

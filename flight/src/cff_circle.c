@@ -21,13 +21,19 @@ static void coefficients(const cfi_start_t *s, uint32_t k, double out[6])
     }
 }
 
-/* The motion that begins with column j at 1. */
-static cfi_start_t unit(uint32_t j)
+/* Begin the motion with column j at 1. */
+static void begin_unit(uint32_t j, cfi_start_t *s)
 {
-    cfi_start_t s = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}}};
-    double *const columns[5] = {s.r, s.v, s.u, s.w, s.push[0]};
-    columns[j / 3U][j % 3U] = 1.0;
-    return s;
+    for (uint32_t i = 0U; i < 3U; i++) {
+        s->r[i] = (j == i) ? 1.0 : 0.0;
+        s->v[i] = (j == (3U + i)) ? 1.0 : 0.0;
+        s->u[i] = (j == (COSTATE + i)) ? 1.0 : 0.0;
+        s->w[i] = (j == (COSTATE + 3U + i)) ? 1.0 : 0.0;
+        s->push[0][i] = (j == (PUSH + i)) ? 1.0 : 0.0;
+        s->push[1][i] = 0.0;
+        s->push[2][i] = 0.0;
+        s->push[3][i] = 0.0;
+    }
 }
 
 static void begin_all(double f[72])
@@ -57,7 +63,8 @@ static void respond(double angle, uint32_t j, cff_circle_t *room)
 {
     double *f = &room->rows[j * 72U];
     double off[6] = {0};
-    cfi_start_t s = unit(j);
+    cfi_start_t s;
+    begin_unit(j, &s);
     begin_all(f);
     for (uint32_t k = 0U; k < CFF_POWERS; k++) {
         double c[6];
@@ -80,11 +87,13 @@ static void give_back(double angle, uint32_t j, cff_circle_t *room)
     double off[6] = {0};
     begin_all(f);
     for (uint32_t axis = 0U; axis < 3U; axis++) {
-        cfi_start_t back = unit(3U + axis);
+        cfi_start_t back;
+        begin_unit(3U + axis, &back);
         for (uint32_t m = 0U; (m + 1U) < CFF_POWERS; m++) {
             const double sign = ((m % 2U) == 0U) ? 1.0 : -1.0;
             double c[6];
-            cfi_start_t thrust = unit((j < PUSH) ? (j - COSTATE) : j);
+            cfi_start_t thrust;
+            begin_unit((j < PUSH) ? (j - COSTATE) : j, &thrust);
             coefficients(&back, m, c);
             for (uint32_t k = 0U; (k + m + 1U) < CFF_POWERS; k++) {
                 const double force = (j < PUSH) ? thrust.r[axis] : thrust.push[0][axis];

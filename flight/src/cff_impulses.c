@@ -139,7 +139,8 @@ static void begin_scan(cff_impulses_t *plan)
 static void note(cff_impulses_t *plan, const cfi_view_t *view, const cfi_piece_t *piece, bool at_end)
 {
     cff_push_t *peak = &plan->peaks[plan->peak_count];
-    const uint32_t k = at_end ? (CFF_TERMS - 1U) : 0U;
+    const uint32_t last = CFF_TERMS - 1U;
+    const uint32_t k = at_end ? last : 0U;
     const double p[3] = {piece->c[0][k], piece->c[1][k], piece->c[2][k]};
     const double size = sqrt(cfi_dot(p, p));
     if (size > peak->size_m_s) {
@@ -330,7 +331,7 @@ static void effect_of(const cff_impulses_t *plan, double time, uint32_t axis, do
 /* Change impulses as little as possible so that they make the change of state; false if they cannot. */
 static bool correct(const cff_impulses_t *plan, cff_impulse_t made[SIX], uint32_t count)
 {
-    double normal[SIX][SIX] = {{0}};
+    double normal[SIX][SIX] = {0};
     double rest[SIX];
     double columns[SIX];
     for (uint32_t i = 0U; i < SIX; i++) {

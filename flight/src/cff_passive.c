@@ -142,10 +142,11 @@ static bool probe(const drift_t *drift, cell_t *cell, double time)
 /* Whether one of the four corners of a cell and an interval of time is inside. */
 static bool corner_inside(const drift_t *drift, const cell_t *cell, const cfi_piece_t pieces[2], double *failure, double *time)
 {
+    const uint32_t last = CFF_TERMS - 1U;
     bool inside = false;
     for (uint32_t k = 0U; (k < 4U) && !inside; k++) {
         const cfi_piece_t *piece = &pieces[k / 2U];
-        const uint32_t b = ((k % 2U) == 0U) ? 0U : (CFF_TERMS - 1U);
+        const uint32_t b = ((k % 2U) == 0U) ? 0U : last;
         const double q[3] = {piece->c[0][b], piece->c[1][b], piece->c[2][b]};
         *failure = cell->low + (((k / 2U) == 0U) ? 0.0 : cell->width);
         *time = piece->low + ((b == 0U) ? 0.0 : piece->width);

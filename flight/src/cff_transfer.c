@@ -257,6 +257,7 @@ static double energy_of(const cff_path_t *path, uint32_t k)
     const cff_path_t coast = {&primer, 1U, path->chief};
     cff_cursor_t place;
     double total = 0.0;
+    double t = path->arcs[k].start_s;
     primer.start_s = path->arcs[k].start_s;
     primer.end_s = path->arcs[k].end_s;
     primer.mean_motion_rad_s = path->arcs[k].mean_motion_rad_s;
@@ -265,7 +266,8 @@ static double energy_of(const cff_path_t *path, uint32_t k)
         primer.state.velocity_m_s[i] = path->arcs[k].thrust_rate_m_s3[i];
     }
     cfi_begin_place(&coast, &place, primer.start_s);
-    for (double t = primer.start_s; t < primer.end_s;) {
+    bool on = (t < primer.end_s);
+    while (on) { /* at most CFF_MOST_WINDOWS turns, or CFF_LARGEST_ANGLE_RAD over that of a view */
         cfi_view_t view;
         cfi_see(&coast, &place, NULL, NULL, t, primer.end_s, &metres, &view);
         for (uint32_t m = 0U; m < (2U * NODES); m++) {
@@ -277,7 +279,8 @@ static double energy_of(const cff_path_t *path, uint32_t k)
                 total += weight * thrust * thrust;
             }
         }
-        t = (view.until_s > t) ? view.until_s : primer.end_s;
+        on = (view.until_s > t) && (view.until_s < primer.end_s);
+        t = view.until_s;
     }
     return 0.5 * total;
 }

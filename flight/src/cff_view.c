@@ -17,7 +17,7 @@
 /* Fill the polynomials of a view by Hill's equations, from its start over its length. */
 static void see_hill(const cff_arc_t *a, const cff_arc_t *b, const cff_zone_t *zone, cfi_view_t *view)
 {
-    cfi_start_t start = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}}};
+    cfi_start_t start = {0};
     const double angle = a->mean_motion_rad_s * view->length;
     cfi_add_start(a, view->from_s, view->length, 1.0, &start);
     if (b != NULL) {
@@ -84,11 +84,12 @@ void cfi_begin_place(const cff_path_t *path, cff_cursor_t *place, double t)
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
              double end, const cff_zone_t *zone, cfi_view_t *view)
 {
+    const bool pair = (other != NULL) && (at_other != NULL);
     const cff_arc_t *b = NULL;
     cfi_follow(one, at_one, t);
     const cff_arc_t *a = &one->arcs[at_one->arc];
     double stop = cfi_min(end, a->end_s);
-    if (other != NULL) {
+    if (pair) {
         cfi_follow(other, at_other, t);
         b = &other->arcs[at_other->arc];
         stop = cfi_min(stop, b->end_s);
@@ -104,7 +105,7 @@ void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *othe
     }
     if (view->chief != NULL) {
         double finish = cfi_window_end(view->chief, at_one);
-        finish = (other != NULL) ? cfi_min(finish, cfi_window_end(view->chief, at_other)) : finish;
+        finish = pair ? cfi_min(finish, cfi_window_end(view->chief, at_other)) : finish;
         view->first = cfi_angle(view->chief, t);
         double last = cfi_angle(view->chief, stop);
         if (finish < (last - ON_JOINT)) {
@@ -113,7 +114,7 @@ void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *othe
         }
         view->length = cfi_max(last - view->first, 0.0);
         view->until_s = stop;
-        see_table(at_one, (other != NULL) ? at_other : NULL, zone, view);
+        see_table(at_one, pair ? at_other : NULL, zone, view);
     } else {
         const double n = a->mean_motion_rad_s;
         view->until_s = (n > 0.0) ? cfi_min(stop, t + (REACH / n)) : stop;
