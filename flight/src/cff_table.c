@@ -12,6 +12,10 @@
 
 #define COSTATE 6U
 #define PUSH 12U
+#define HEAD 5U /* numbers of an uploaded table before its arrays, and the sizes of a window in these */
+#define ROWS (CFF_COLUMNS * 6U * CFF_TERMS)
+#define STEPS (6U * CFF_COLUMNS)
+#define RETURNS (9U * 6U * CFF_TERMS)
 #define ON_JOINT 1.0e-14 /* rad: an arc that begins so close before a joint begins with the window after it */
 #define TURN 6.283185307179586
 #define NEWTON_STEPS 30U
@@ -106,6 +110,29 @@ cff_status_t cff_check_table(const cff_table_t *chief)
         }
     }
     return good ? CFF_OK : CFF_BAD_INPUT;
+}
+
+cff_status_t cff_uploaded_table(const double block[], uint32_t count, cff_table_t *table)
+{
+    cff_status_t status = CFF_BAD_INPUT;
+    const double number = (count > HEAD) ? block[HEAD - 1U] : 0.0;
+    if ((number >= 1.0) && (number <= (double)CFF_MOST_WINDOWS)) {
+        const uint32_t windows = (uint32_t)number;
+        if (count == (HEAD + 1U + (windows * (1U + ROWS + STEPS + CFF_COLUMNS + RETURNS + 9U)))) {
+            const double *joints = &block[HEAD];
+            const double *rows = &joints[windows + 1U];
+            const double *steps = &rows[windows * ROWS];
+            const double *errors = &steps[windows * STEPS];
+            const double *returns = &errors[windows * CFF_COLUMNS];
+            const cff_table_t made = {block[0], block[1], block[2], block[3], windows, joints, rows, steps, errors, returns,
+                                      &returns[windows * RETURNS]};
+            status = cff_check_table(&made);
+            if (status == CFF_OK) {
+                *table = made;
+            }
+        }
+    }
+    return status;
 }
 
 /* The coefficients of component i of column j in window k. */
