@@ -1,6 +1,6 @@
 """Minimum delta-v by at most six impulses: the library against the package.
 
-Usage: compare_impulses.py COUNT [e] (e: eccentricity of the chief or "j2"; else deep space and Hill's equations)
+Usage: compare_impulses.py COUNT [e] (e: eccentricity of the chief or "j2"; else deep space and circles)
 """
 
 import sys
