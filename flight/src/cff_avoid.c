@@ -57,31 +57,31 @@ static void as_metres(const cff_zone_t *zone, const double v[3], double out[3])
 }
 
 /* The motion of a state relative to an obstacle at time t, in zone units. */
-static void relative(const scene_t *scene, uint32_t which, double t, const cfi_motion_t *m, double r[3], double v[3])
+static void relative(const scene_t *scene, uint32_t which, double t, const cff_state_t *m, double r[3], double v[3])
 {
     const cff_path_t *obstacle = &scene->obstacles[which];
     const cff_zone_t *zone = &scene->zones[which];
-    cfi_motion_t o;
-    cfi_motion_t unused;
+    cff_state_t o;
+    cff_state_t unused;
     cfi_arc_motion(obstacle, cfi_locate(obstacle, t), t, &o, &unused);
     for (uint32_t i = 0U; i < 3U; i++) {
-        o.r[i] = m->r[i] - o.r[i];
-        o.v[i] = m->v[i] - o.v[i];
+        o.position_m[i] = m->position_m[i] - o.position_m[i];
+        o.velocity_m_s[i] = m->velocity_m_s[i] - o.velocity_m_s[i];
     }
     for (uint32_t i = 0U; i < 3U; i++) {
-        r[i] = cfi_dot(zone->to_unit_per_m[i], o.r);
-        v[i] = cfi_dot(zone->to_unit_per_m[i], o.v);
+        r[i] = cfi_dot(zone->to_unit_per_m[i], o.position_m);
+        v[i] = cfi_dot(zone->to_unit_per_m[i], o.velocity_m_s);
     }
 }
 
 /* Fly the arcs from the first arc's thrust on, with the forces as jumps; fills the touches and the end. */
-static void fly(const scene_t *scene, cfi_motion_t *end)
+static void fly(const scene_t *scene, cff_state_t *end)
 {
     cff_avoid_work_t *work = scene->work;
     const cff_path_t path = {work->arcs, work->count + 1U, scene->direct.chief};
     for (uint32_t k = 0U; k <= work->count; k++) {
         cff_arc_t *arc = &work->arcs[k];
-        cfi_motion_t u;
+        cff_state_t u;
         arc->end_s = (k < work->count) ? work->touches[k].time_s : scene->end;
         cfi_arc_motion(&path, k, arc->end_s, end, &u);
         if (k < work->count) {
@@ -92,11 +92,10 @@ static void fly(const scene_t *scene, cfi_motion_t *end)
             relative(scene, touch->obstacle, touch->time_s, end, touch->position, touch->rate);
             *next = *arc;
             next->start_s = arc->end_s;
+            next->state = *end;
             for (uint32_t i = 0U; i < 3U; i++) {
-                next->state.position_m[i] = end->r[i];
-                next->state.velocity_m_s[i] = end->v[i];
-                next->thrust_m_s2[i] = u.r[i];
-                next->thrust_rate_m_s3[i] = u.v[i] + force[i];
+                next->thrust_m_s2[i] = u.position_m[i];
+                next->thrust_rate_m_s3[i] = u.velocity_m_s[i] + force[i];
                 next->impulse_m_s[i] = 0.0;
             }
         }
@@ -108,18 +107,15 @@ static void deflect(const scene_t *scene, uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
     const cff_arc_t *direct = &scene->direct.arcs[0];
-    cfi_motion_t end;
-    cfi_motion_t wanted;
-    cfi_motion_t u;
+    cff_state_t end;
+    cff_state_t wanted;
+    cff_state_t u;
     double off[6];
     cfi_spend(evaluations, 2U * (work->count + 1U) * cfi_motion_cost(scene->direct.chief));
     work->arcs[0] = *direct;
     fly(scene, &end);
     cfi_arc_motion(&scene->direct, 0U, scene->end, &wanted, &u);
-    for (uint32_t i = 0U; i < 3U; i++) {
-        off[i] = wanted.r[i] - end.r[i];
-        off[i + 3U] = wanted.v[i] - end.v[i];
-    }
+    cfi_miss(&wanted, &end, off);
     work->arcs[0] = *direct;
     for (uint32_t i = 0U; i < 3U; i++) {
         for (uint32_t j = 0U; j < 6U; j++) {
@@ -218,8 +214,8 @@ static cff_path_t bent(const scene_t *scene)
 /* The motion of a path relative to an obstacle at time t, in zone units. */
 static void relative_at(const scene_t *scene, const cff_path_t *path, uint32_t which, double t, double r[3], double v[3])
 {
-    cfi_motion_t m;
-    cfi_motion_t unused;
+    cff_state_t m;
+    cff_state_t unused;
     cfi_arc_motion(path, cfi_locate(path, t), t, &m, &unused);
     relative(scene, which, t, &m, r, v);
 }

@@ -309,7 +309,7 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
 }
 
 /* State and thrust at time t of an arc beside the chief. */
-void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi_motion_t *state, cfi_motion_t *primer)
+void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_state_t *state, cff_state_t *primer)
 {
     const double n = chief->rate_rad_s;
     cff_cursor_t place;
@@ -317,10 +317,10 @@ void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi
     (void)cfi_place(chief, arc, t, &place);
     cfi_columns_at(chief, &place, t, z);
     for (uint32_t i = 0U; i < 3U; i++) {
-        state->r[i] = z[i];
-        state->v[i] = n * z[3U + i];
-        primer->r[i] = n * n * z[COSTATE + i];
-        primer->v[i] = n * n * n * z[COSTATE + 3U + i];
+        state->position_m[i] = z[i];
+        state->velocity_m_s[i] = n * z[3U + i];
+        primer->position_m[i] = n * n * z[COSTATE + i];
+        primer->velocity_m_s[i] = n * n * n * z[COSTATE + 3U + i];
     }
 }
 
