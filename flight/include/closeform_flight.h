@@ -82,7 +82,7 @@ typedef struct {
 
 /*
  * Table of a chief: its transition matrix and the response to thrust, as polynomials in windows of an
- * angle s.  The Python package makes it (closeform.flight.table); the arrays stay in the caller's memory.
+ * angle s.  The Python package makes it, see cff_uploaded_table; the arrays stay in the caller's memory.
  * Clock: rate t + phase = s - eccentricity sin s.  Theory (97).
  */
 typedef struct {
@@ -360,6 +360,13 @@ cff_status_t cff_check_path(const cff_path_t *path);
 /* Check a table once, when it is uploaded: numbers, and angles in order.  Other functions check its clock only. */
 /*@ requires cff_is_table(chief); assigns \nothing; */
 cff_status_t cff_check_table(const cff_table_t *chief);
+
+/*
+ * The table in a block of doubles, as `closeform.flight.table_bytes` writes it: the first five numbers of cff_table_t,
+ * then its arrays.  It is checked, and points into the block.
+ */
+/*@ requires \valid_read(block + (0 .. count - 1)) && \valid(table); assigns *table; */
+cff_status_t cff_uploaded_table(const double block[], uint32_t count, cff_table_t *table);
 
 /*
  * The table of a circular orbit, or of deep space with mean motion 0; it points into `room`.  A window is at most an

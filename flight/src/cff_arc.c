@@ -45,7 +45,7 @@ bool cfi_pushes(const cff_arc_t *arc)
 bool cfi_thrusts(const cff_arc_t *arc) { return has_primer(arc) || cfi_pushes(arc); }
 
 /* State at time t, absolute, within the arc. */
-void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out)
+void cfi_state(const cff_arc_t *arc, double t, cff_state_t *out)
 {
     const double dt = t - arc->start_s;
     const double n = arc->mean_motion_rad_s;
@@ -64,15 +64,12 @@ void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out)
             }
         }
     } else {
-        for (uint32_t i = 0U; i < 3U; i++) {
-            out->r[i] = arc->state.position_m[i];
-            out->v[i] = arc->state.velocity_m_s[i];
-        }
+        *out = arc->state;
     }
 }
 
 /* Optimal thrust and its rate at time t: itself a natural motion. */
-void cfi_primer(const cff_arc_t *arc, double t, cfi_motion_t *out)
+void cfi_primer(const cff_arc_t *arc, double t, cff_state_t *out)
 {
     double p[3];
     const double dt = t - arc->start_s;
@@ -103,8 +100,8 @@ static void push(const cff_arc_t *arc, double t, double out[4][3])
 void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_start_t *out)
 {
     const double hh = sign * h * h;
-    cfi_motion_t m;
-    cfi_motion_t u = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    cff_state_t m;
+    cff_state_t u = {0};
     double f[4][3] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     cfi_state(arc, t, &m);
     if (has_primer(arc)) {
@@ -114,10 +111,10 @@ void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_st
         push(arc, t, f);
     }
     for (uint32_t i = 0U; i < 3U; i++) {
-        out->r[i] += sign * m.r[i];
-        out->v[i] += sign * h * m.v[i];
-        out->u[i] += hh * u.r[i];
-        out->w[i] += hh * h * u.v[i];
+        out->r[i] += sign * m.position_m[i];
+        out->v[i] += sign * h * m.velocity_m_s[i];
+        out->u[i] += hh * u.position_m[i];
+        out->w[i] += hh * h * u.velocity_m_s[i];
         out->push[0][i] += hh * f[0][i];
         out->push[1][i] += hh * h * f[1][i];
         out->push[2][i] += hh * h * h * f[2][i] / 2.0;
@@ -125,24 +122,20 @@ void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_st
     }
 }
 
-/* The arc in which the motion goes on after time t: by halves, at most 32 of them. */
+/* The arc in which the motion goes on after time t, by halves. */
 uint32_t cfi_locate(const cff_path_t *path, double t)
 {
     uint32_t first = 0U;
-    uint32_t last = path->count;
-    for (uint32_t k = 0U; (k < 32U) && ((last - first) > 1U); k++) {
-        const uint32_t middle = first + ((last - first) / 2U);
-        if (path->arcs[middle].start_s <= t) {
-            first = middle;
-        } else {
-            last = middle;
+    for (uint32_t step = CFF_MOST_ARCS / 2U; step > 0U; step /= 2U) {
+        if (((first + step) < path->count) && (path->arcs[first + step].start_s <= t)) {
+            first += step;
         }
     }
     return first;
 }
 
 /* State and optimal thrust of an arc at time t. */
-void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *state, cfi_motion_t *primer)
+void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cff_state_t *state, cff_state_t *primer)
 {
     const cff_arc_t *arc = &path->arcs[k];
     if (path->chief != NULL) {
@@ -153,21 +146,30 @@ void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *
     }
 }
 
+/* How far a state is from another: position and velocity. */
+void cfi_miss(const cff_state_t *wanted, const cff_state_t *reached, double gap[6])
+{
+    for (uint32_t i = 0U; i < 3U; i++) {
+        gap[i] = wanted->position_m[i] - reached->position_m[i];
+        gap[i + 3U] = wanted->velocity_m_s[i] - reached->velocity_m_s[i];
+    }
+}
+
 /* Whether an arc goes on from where the one before it ends. */
 static bool joins(const cff_path_t *path, uint32_t k)
 {
     const cff_arc_t *before = &path->arcs[k - 1U];
     const cff_arc_t *arc = &path->arcs[k];
     const double duration = before->end_s - before->start_s;
-    cfi_motion_t m;
-    cfi_motion_t u;
+    cff_state_t m;
+    cff_state_t u;
     double size = 0.0;
     double off = 0.0;
     cfi_arc_motion(path, k - 1U, before->end_s, &m, &u);
     for (uint32_t i = 0U; i < 3U; i++) {
-        size = cfi_max(size, cfi_max(fabs(m.r[i]), fabs(m.v[i]) * duration));
+        size = cfi_max(size, cfi_max(fabs(m.position_m[i]), fabs(m.velocity_m_s[i]) * duration));
         size = cfi_max(size, fabs(arc->state.velocity_m_s[i]) * (arc->end_s - arc->start_s));
-        off = cfi_max(off, fabs(m.r[i] - arc->state.position_m[i]));
+        off = cfi_max(off, fabs(m.position_m[i] - arc->state.position_m[i]));
     }
     return (off <= ((2.0 * JOINT * size) + CFF_NIL_M)) && (fabs(arc->start_s - before->end_s) <= (JOINT * duration));
 }
@@ -215,14 +217,9 @@ cff_status_t cff_state_at(const cff_path_t *path, double time_s, cff_state_t *st
 {
     cff_status_t status = cfi_finite(&time_s, 1U) ? cff_check_path(path) : CFF_BAD_INPUT;
     if (status == CFF_OK) {
-        cfi_motion_t m;
-        cfi_motion_t u;
+        cff_state_t unused;
         const double t = within(path, time_s);
-        cfi_arc_motion(path, cfi_locate(path, t), t, &m, &u);
-        for (uint32_t i = 0U; i < 3U; i++) {
-            state->position_m[i] = m.r[i];
-            state->velocity_m_s[i] = m.v[i];
-        }
+        cfi_arc_motion(path, cfi_locate(path, t), t, state, &unused);
     }
     return status;
 }
@@ -231,15 +228,15 @@ cff_status_t cff_thrust_at(const cff_path_t *path, double time_s, double thrust_
 {
     cff_status_t status = cfi_finite(&time_s, 1U) ? cff_check_path(path) : CFF_BAD_INPUT;
     if (status == CFF_OK) {
-        cfi_motion_t m;
-        cfi_motion_t u;
+        cff_state_t m;
+        cff_state_t u;
         double f[4][3];
         const double t = within(path, time_s);
         const uint32_t k = cfi_locate(path, t);
         cfi_arc_motion(path, k, t, &m, &u);
         push(&path->arcs[k], t, f);
         for (uint32_t i = 0U; i < 3U; i++) {
-            thrust_m_s2[i] = u.r[i] + ((path->chief != NULL) ? path->arcs[k].push_m_s2[i] : f[0][i]);
+            thrust_m_s2[i] = u.position_m[i] + ((path->chief != NULL) ? path->arcs[k].push_m_s2[i] : f[0][i]);
         }
     }
     return status;

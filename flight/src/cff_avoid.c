@@ -31,7 +31,6 @@
 #define RAYS 14U /* sides on which to pass: along both ways of the axes of a zone, and of its diagonals */
 #define SIDES 8U
 #define DIAGONAL 0.5773502691896258
-#define CONFLICTS 4U /* of the path and one obstacle that become contacts in a round */
 
 /* What does not change. */
 typedef struct {
@@ -41,7 +40,8 @@ typedef struct {
     uint32_t obstacle_count;
     double start;
     double end;
-    double aim; /* norm at a contact */
+    double aim;   /* norm at a contact */
+    double clear; /* and from which the path is clear */
     cff_avoid_work_t *work;
 } scene_t;
 
@@ -57,31 +57,31 @@ static void as_metres(const cff_zone_t *zone, const double v[3], double out[3])
 }
 
 /* The motion of a state relative to an obstacle at time t, in zone units. */
-static void relative(const scene_t *scene, uint32_t which, double t, const cfi_motion_t *m, double r[3], double v[3])
+static void relative(const scene_t *scene, uint32_t which, double t, const cff_state_t *m, double r[3], double v[3])
 {
     const cff_path_t *obstacle = &scene->obstacles[which];
     const cff_zone_t *zone = &scene->zones[which];
-    cfi_motion_t o;
-    cfi_motion_t unused;
+    cff_state_t o;
+    cff_state_t unused;
     cfi_arc_motion(obstacle, cfi_locate(obstacle, t), t, &o, &unused);
     for (uint32_t i = 0U; i < 3U; i++) {
-        o.r[i] = m->r[i] - o.r[i];
-        o.v[i] = m->v[i] - o.v[i];
+        o.position_m[i] = m->position_m[i] - o.position_m[i];
+        o.velocity_m_s[i] = m->velocity_m_s[i] - o.velocity_m_s[i];
     }
     for (uint32_t i = 0U; i < 3U; i++) {
-        r[i] = cfi_dot(zone->to_unit_per_m[i], o.r);
-        v[i] = cfi_dot(zone->to_unit_per_m[i], o.v);
+        r[i] = cfi_dot(zone->to_unit_per_m[i], o.position_m);
+        v[i] = cfi_dot(zone->to_unit_per_m[i], o.velocity_m_s);
     }
 }
 
 /* Fly the arcs from the first arc's thrust on, with the forces as jumps; fills the touches and the end. */
-static void fly(const scene_t *scene, cfi_motion_t *end)
+static void fly(const scene_t *scene, cff_state_t *end)
 {
     cff_avoid_work_t *work = scene->work;
     const cff_path_t path = {work->arcs, work->count + 1U, scene->direct.chief};
     for (uint32_t k = 0U; k <= work->count; k++) {
         cff_arc_t *arc = &work->arcs[k];
-        cfi_motion_t u;
+        cff_state_t u;
         arc->end_s = (k < work->count) ? work->touches[k].time_s : scene->end;
         cfi_arc_motion(&path, k, arc->end_s, end, &u);
         if (k < work->count) {
@@ -92,11 +92,10 @@ static void fly(const scene_t *scene, cfi_motion_t *end)
             relative(scene, touch->obstacle, touch->time_s, end, touch->position, touch->rate);
             *next = *arc;
             next->start_s = arc->end_s;
+            next->state = *end;
             for (uint32_t i = 0U; i < 3U; i++) {
-                next->state.position_m[i] = end->r[i];
-                next->state.velocity_m_s[i] = end->v[i];
-                next->thrust_m_s2[i] = u.r[i];
-                next->thrust_rate_m_s3[i] = u.v[i] + force[i];
+                next->thrust_m_s2[i] = u.position_m[i];
+                next->thrust_rate_m_s3[i] = u.velocity_m_s[i] + force[i];
                 next->impulse_m_s[i] = 0.0;
             }
         }
@@ -108,18 +107,15 @@ static void deflect(const scene_t *scene, uint32_t *evaluations)
 {
     cff_avoid_work_t *work = scene->work;
     const cff_arc_t *direct = &scene->direct.arcs[0];
-    cfi_motion_t end;
-    cfi_motion_t wanted;
-    cfi_motion_t u;
+    cff_state_t end;
+    cff_state_t wanted;
+    cff_state_t u;
     double off[6];
     cfi_spend(evaluations, 2U * (work->count + 1U) * cfi_motion_cost(scene->direct.chief));
     work->arcs[0] = *direct;
     fly(scene, &end);
     cfi_arc_motion(&scene->direct, 0U, scene->end, &wanted, &u);
-    for (uint32_t i = 0U; i < 3U; i++) {
-        off[i] = wanted.r[i] - end.r[i];
-        off[i + 3U] = wanted.v[i] - end.v[i];
-    }
+    cfi_miss(&wanted, &end, off);
     work->arcs[0] = *direct;
     for (uint32_t i = 0U; i < 3U; i++) {
         for (uint32_t j = 0U; j < 6U; j++) {
@@ -167,7 +163,7 @@ static void solve_multipliers(const scene_t *scene, double lift, double soft, ui
     cff_avoid_work_t *work = scene->work;
     const uint32_t count = work->count;
     double push[CFF_MOST_CONTACTS] = {0};
-    double gap[CFF_MOST_CONTACTS];
+    double gap[CFF_MOST_CONTACTS] = {0};
     for (uint32_t k = 0U; k < count; k++) {
         set_force(&work->touches[k], 0.0);
     }
@@ -218,8 +214,8 @@ static cff_path_t bent(const scene_t *scene)
 /* The motion of a path relative to an obstacle at time t, in zone units. */
 static void relative_at(const scene_t *scene, const cff_path_t *path, uint32_t which, double t, double r[3], double v[3])
 {
-    cfi_motion_t m;
-    cfi_motion_t unused;
+    cff_state_t m;
+    cff_state_t unused;
     cfi_arc_motion(path, cfi_locate(path, t), t, &m, &unused);
     relative(scene, which, t, &m, r, v);
 }
@@ -317,8 +313,8 @@ static bool add_touch(const scene_t *scene, uint32_t which, double t)
 }
 
 /*
- * Search the deflected path for conflicts: the largest shortfall, or CFF_FOREVER if the evaluations do not
- * suffice.  With `add`, new touches at the minima.
+ * The largest shortfall of the deflected path at its closest approaches, or CFF_FOREVER if the evaluations do not
+ * suffice.  With `add`, new touches there.
  */
 static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evaluations)
 {
@@ -327,29 +323,21 @@ static double look(const scene_t *scene, bool add, bool *fresh, uint32_t *evalua
     *fresh = false;
     for (uint32_t which = 0U; which < scene->obstacle_count; which++) {
         const cff_path_t *obstacle = &scene->obstacles[which];
-        const cff_zone_t *zone = &scene->zones[which];
-        cff_conflict_search_t *search = &scene->work->search;
-        cff_conflict_t conflicts[CONFLICTS] = {0};
-        uint32_t count = 0U;
-        const cff_status_t begun = cff_conflicts_begin(search, &path, obstacle, zone);
-        if (begun == CFF_BAD_INPUT) {
-            shortfall = CFF_FOREVER; /* the arcs became too short to join */
-        } else if (begun == CFF_NO_COMMON_TIME) {
-            /* nothing to avoid */
-        } else if (*evaluations < CFF_LEAST_EVALUATIONS) {
-            shortfall = CFF_FOREVER;
-        } else {
-            const cff_status_t status = cff_conflicts_continue(search, *evaluations, conflicts, CONFLICTS, &count);
-            cfi_spend(evaluations, search->evaluations_used);
-            shortfall = (status == CFF_MORE) ? CFF_FOREVER : shortfall;
-        }
-        for (uint32_t k = 0U; (k < count) && (k < CONFLICTS); k++) {
-            cff_approach_t near = {0.0, 0.0, 0.0, 0U};
-            (void)cff_closest_approach(&path, obstacle, zone, conflicts[k].start_s, conflicts[k].end_s,
-                                       cfi_larger(*evaluations, CFF_LEAST_EVALUATIONS), &near);
+        const double first = cfi_max(scene->start, obstacle->arcs[0].start_s);
+        const double last = cfi_min(scene->end, obstacle->arcs[obstacle->count - 1U].end_s);
+        cff_approach_t near = {0.0, 1.0, 0.0, 0U};
+        cff_status_t status = CFF_OK;
+        if (first <= last) {
+            status = cff_closest_approach(&path, obstacle, &scene->zones[which], first, last, *evaluations, &near);
             cfi_spend(evaluations, near.evaluations_used);
+        }
+        if (status != CFF_OK) {
+            shortfall = CFF_FOREVER; /* the evaluations are spent, or arcs became too short to join */
+        } else if (near.ratio < scene->clear) {
             shortfall = cfi_max(shortfall, cfi_max(1.0 - near.ratio, GRAZE));
             *fresh = (add && add_touch(scene, which, near.time_s)) || *fresh;
+        } else {
+            /* clear */
         }
     }
     return shortfall;
@@ -438,11 +426,31 @@ static bool newton(const scene_t *scene, uint32_t *evaluations)
     return settled;
 }
 
-/* Keep the deflected path, which is clear, if it is the cheapest so far. */
-static void accept(const scene_t *scene, double extra, cff_avoidance_t *found, cff_status_t *status)
+/* Whether the search for conflicts certifies that the deflected path is clear. */
+static bool certify(const scene_t *scene, uint32_t *evaluations)
+{
+    const cff_path_t path = bent(scene);
+    cff_conflict_search_t *search = &scene->work->search;
+    bool clear = true;
+    for (uint32_t which = 0U; (which < scene->obstacle_count) && clear; which++) {
+        const cff_status_t begun = cff_conflicts_begin(search, &path, &scene->obstacles[which], &scene->zones[which]);
+        clear = (begun == CFF_NO_COMMON_TIME);
+        if (begun == CFF_OK) {
+            cff_conflict_t conflict[1];
+            uint32_t count = 0U;
+            clear = (cff_conflicts_continue(search, *evaluations, conflict, 1U, &count) == CFF_OK) && (count == 0U);
+            cfi_spend(evaluations, search->evaluations_used);
+        }
+    }
+    return clear;
+}
+
+/* Keep the deflected path, which looks clear, if it is the cheapest so far and certified. */
+static void accept(const scene_t *scene, double extra, cff_avoidance_t *found, cff_status_t *status, uint32_t *evaluations)
 {
     const cff_avoid_work_t *work = scene->work;
-    if ((extra >= 0.0) && ((*status != CFF_OK) || (extra < found->extra_energy_m2_s3))) {
+    const bool cheaper = (extra >= 0.0) && ((*status != CFF_OK) || (extra < found->extra_energy_m2_s3));
+    if (cheaper && certify(scene, evaluations)) {
         *status = CFF_OK;
         found->count = work->count + 1U;
         found->extra_energy_m2_s3 = extra;
@@ -475,7 +483,7 @@ static bool finish(const scene_t *scene, cff_avoidance_t *found, cff_status_t *s
     const double extra = extra_energy(scene);
     const bool dear = (*status == CFF_OK) && (extra >= found->extra_energy_m2_s3);
     if (done && !dear && (look(scene, false, &unused, evaluations) == 0.0)) {
-        accept(scene, extra, found, status);
+        accept(scene, extra, found, status, evaluations);
     } else if (!done || !dear) {
         copy_touches(work->touches, work->kept, work->count);
         done = false;
@@ -506,7 +514,7 @@ static void relax(const scene_t *scene, cff_avoidance_t *found, cff_status_t *st
         const uint32_t count = work->count;
         const double shortfall = look(scene, true, &fresh, evaluations);
         if (shortfall == 0.0) {
-            accept(scene, extra, found, status);
+            accept(scene, extra, found, status, evaluations);
         }
         for (uint32_t k = 0U; k < count; k++) {
             if (cfi_dot(work->touches[k].force, work->touches[k].force) > 0.0) {
@@ -646,6 +654,7 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
         scene.obstacle_count = obstacle_count;
         scene.start = direct->start_s;
         scene.end = direct->end_s;
+        scene.clear = (obstacles[0].chief == NULL) ? 1.0 : (1.0 + (0.5 * FARTHER));
         scene.aim = (obstacles[0].chief == NULL) ? AIM : (AIM + FARTHER);
         scene.work = work;
         work->count = 0U;
@@ -654,7 +663,7 @@ cff_status_t cff_avoid(const cff_arc_t *direct, const cff_path_t obstacles[], co
         found->arcs[0] = *direct;
         found->count = 1U;
         found->extra_energy_m2_s3 = 0.0;
-        const double shortfall = look(&scene, false, &unused, &left);
+        const double shortfall = certify(&scene, &left) ? 0.0 : look(&scene, false, &unused, &left);
         if (shortfall >= CFF_FOREVER) {
             status = CFF_MORE;
         } else if (ends_inside(&scene)) {

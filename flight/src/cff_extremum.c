@@ -12,6 +12,7 @@
 
 #define PRECISION 1.0e-10 /* a minimum norm is certain to this fraction of itself */
 #define NIL 1.0e-13       /* a norm below counts as 0 */
+#define FLAT 1.0e-9       /* a slope, by the size of norms at the ends */
 #define ROOT_STEPS 100U
 static const uint32_t HALVINGS[2] = {8U, 2U}; /* every how many steps a bracket is halved: a kink has no slope to follow */
 
@@ -52,9 +53,13 @@ static double bottom(const cfi_piece_t *piece, cff_shape_t shape, double *norm, 
     double falls;
     double rises;
     double u = 1.0;
-    (void)norm_and_slope(piece, shape, 0.0, &falls);
+    const double first = norm_and_slope(piece, shape, 0.0, &falls);
     *norm = norm_and_slope(piece, shape, 1.0, &rises);
-    bool on = (rises >= 0.0) && (falls <= 0.0); /* a slope of 0 at an end says nothing */
+    const double size = first + *norm;
+    const double nothing = FLAT * size * cfi_max(size, 1.0); /* a slope of 0 at an end says nothing, nor its rounding */
+    bool on = (rises >= -nothing) && (falls <= nothing);
+    falls = (falls < -nothing) ? falls : 0.0;
+    rises = (rises > nothing) ? rises : 0.0;
     for (uint32_t k = 0U; (k < ROOT_STEPS) && on; k++) {
         const double before = u;
         double slope;

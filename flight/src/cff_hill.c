@@ -157,7 +157,7 @@ void cfi_transforms(double n, double t, cfi_transforms_t *out)
 }
 
 /* Natural motion after time t, by the oscillation p of t. */
-void cfi_coast(double n, double t, const double p[3], const double r[3], const double v[3], cfi_motion_t *out)
+void cfi_coast(double n, double t, const double p[3], const double r[3], const double v[3], cff_state_t *out)
 {
     const double c = 1.0 - (n * n * p[1]);
     const double ax = n * ((3.0 * n * r[0]) + (2.0 * v[1]));
@@ -168,17 +168,17 @@ void cfi_coast(double n, double t, const double p[3], const double r[3], const d
     const double vx = v[0];
     const double vy = v[1];
     const double vz = v[2];
-    out->r[0] = x + (vx * p[0]) + (ax * p[1]);
-    out->r[1] = y + (vy * t) - (2.0 * n * moved);
-    out->r[2] = (z * c) + (vz * p[0]);
-    out->v[0] = (vx * c) + (ax * p[0]);
-    out->v[1] = vy - (2.0 * n * ((vx * p[0]) + (ax * p[1])));
-    out->v[2] = (vz * c) - (n * n * z * p[0]);
+    out->position_m[0] = x + (vx * p[0]) + (ax * p[1]);
+    out->position_m[1] = y + (vy * t) - (2.0 * n * moved);
+    out->position_m[2] = (z * c) + (vz * p[0]);
+    out->velocity_m_s[0] = (vx * c) + (ax * p[0]);
+    out->velocity_m_s[1] = vy - (2.0 * n * ((vx * p[0]) + (ax * p[1])));
+    out->velocity_m_s[2] = (vz * c) - (n * n * z * p[0]);
 }
 
 /* Add the state reached from rest at the origin under optimal thrust that starts at u with rate w. */
 void cfi_add_driven(double n, double t, const cfi_transforms_t *k, const double u[3], const double w[3],
-                     cfi_motion_t *out)
+                     cff_state_t *out)
 {
     const double m = 2.0 * n;
     const double a = n * ((3.0 * n * u[0]) + (2.0 * w[1]));
@@ -188,17 +188,17 @@ void cfi_add_driven(double n, double t, const cfi_transforms_t *k, const double 
                       (m * ((u[1] * k->p1) + (w[1] * k->p2) - (m * ((w[0] * k->q1) + (a * k->q2)))));
     const double moved = (u[0] * k->p2) + (w[0] * k->q1) + (a * k->q2) +
                          (m * ((u[1] * k->p3) + (w[1] * k->p4) - (m * ((w[0] * k->q3) + (a * k->q4)))));
-    out->r[0] += x;
-    out->r[1] +=
+    out->position_m[0] += x;
+    out->position_m[1] +=
         (-m * moved) + (u[1] * t * t / 2.0) + (w[1] * t * t * t / 6.0) - (m * ((w[0] * k->p3) + (a * k->p4)));
-    out->r[2] += (u[2] * k->qm1) + (w[2] * k->q0);
-    out->v[0] += vx;
-    out->v[1] += (-m * x) + (u[1] * t) + (w[1] * t * t / 2.0) - (m * ((w[0] * k->p2) + (a * k->p3)));
-    out->v[2] += (u[2] * k->qm2) + (w[2] * k->qm1);
+    out->position_m[2] += (u[2] * k->qm1) + (w[2] * k->q0);
+    out->velocity_m_s[0] += vx;
+    out->velocity_m_s[1] += (-m * x) + (u[1] * t) + (w[1] * t * t / 2.0) - (m * ((w[0] * k->p2) + (a * k->p3)));
+    out->velocity_m_s[2] += (u[2] * k->qm2) + (w[2] * k->qm1);
 }
 
 /* Add the state reached from rest at the origin under the arc's push. */
-void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc_t *arc, cfi_motion_t *out)
+void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc_t *arc, cff_state_t *out)
 {
     const double *a = arc->push_m_s2;
     const double *b = arc->push_rate_m_s3;
@@ -212,12 +212,12 @@ void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc
     const double far = (a[1] * k->p3) + (b[1] * k->p4) + (c[1] * k->q3) + (d[1] * k->q4);
     const double moved = (a[0] * k->p2) + (b[0] * k->p3) + (c[0] * k->q2) + (d[0] * k->q3) + (m * far);
     const double gained = (a[1] * k->p1) + (b[1] * k->p2) + (c[1] * k->q1) + (d[1] * k->q2);
-    out->r[0] += x;
-    out->r[1] += y2 - (m * moved);
-    out->r[2] += (a[2] * k->p1) + (b[2] * k->p2) + (c[2] * k->q1) + (d[2] * k->q2);
-    out->v[0] += (a[0] * k->p0) + (b[0] * k->p1) + (c[0] * k->q0) + (d[0] * k->q1) + (m * gained);
-    out->v[1] += y1 - (m * x);
-    out->v[2] += (a[2] * k->p0) + (b[2] * k->p1) + (c[2] * k->q0) + (d[2] * k->q1);
+    out->position_m[0] += x;
+    out->position_m[1] += y2 - (m * moved);
+    out->position_m[2] += (a[2] * k->p1) + (b[2] * k->p2) + (c[2] * k->q1) + (d[2] * k->q2);
+    out->velocity_m_s[0] += (a[0] * k->p0) + (b[0] * k->p1) + (c[0] * k->q0) + (d[0] * k->q1) + (m * gained);
+    out->velocity_m_s[1] += y1 - (m * x);
+    out->velocity_m_s[2] += (a[2] * k->p0) + (b[2] * k->p1) + (c[2] * k->q0) + (d[2] * k->q1);
 }
 
 /* The next coefficient but one of the power series of a motion over an angle, under a force. */

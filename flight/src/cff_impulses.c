@@ -26,8 +26,8 @@ static void coast(const cff_impulses_t *plan, const double state[SIX], double fr
 {
     cff_arc_t arc = {0};
     const cff_path_t path = {&arc, 1U, plan->chief};
-    cfi_motion_t m;
-    cfi_motion_t unused;
+    cff_state_t m;
+    cff_state_t unused;
     arc.start_s = from;
     arc.end_s = to;
     arc.mean_motion_rad_s = plan->coast.mean_motion_rad_s;
@@ -37,8 +37,8 @@ static void coast(const cff_impulses_t *plan, const double state[SIX], double fr
     }
     cfi_arc_motion(&path, 0U, to, &m, &unused);
     for (uint32_t i = 0U; i < 3U; i++) {
-        out[i] = m.r[i];
-        out[i + 3U] = m.v[i];
+        out[i] = m.position_m[i];
+        out[i + 3U] = m.velocity_m_s[i];
     }
 }
 
@@ -373,17 +373,14 @@ static void write_arcs(cff_impulses_t *plan, const cff_impulse_t made[SIX], uint
     for (uint32_t k = 0U; k < count; k++) {
         cff_arc_t *arc = &plan->arcs[plan->count - 1U];
         if (made[k].time_s > (arc->start_s + CFF_SHORTEST_S)) {
-            cfi_motion_t m;
-            cfi_motion_t unused;
+            cff_state_t m;
+            cff_state_t unused;
             cff_arc_t *next = &plan->arcs[plan->count];
             cfi_arc_motion(&path, plan->count - 1U, made[k].time_s, &m, &unused);
             *next = plan->coast;
             arc->end_s = made[k].time_s;
             next->start_s = made[k].time_s;
-            for (uint32_t i = 0U; i < 3U; i++) {
-                next->state.position_m[i] = m.r[i];
-                next->state.velocity_m_s[i] = m.v[i];
-            }
+            next->state = m;
             arc = next;
             plan->count++;
         }
@@ -424,17 +421,14 @@ cff_status_t cff_impulses_begin(cff_impulses_t *plan, const cff_table_t *chief, 
     }
     if (status == CFF_OK) {
         const cff_path_t path = {&arc, 1U, chief};
-        cfi_motion_t m;
-        cfi_motion_t unused;
+        cff_state_t m;
+        cff_state_t unused;
         uint32_t unpaid = 0U; /* the work of beginning has a bound */
         cfi_arc_motion(&path, 0U, arc.end_s, &m, &unused);
         plan->chief = chief;
         plan->coast = arc;
         plan->primer = arc;
-        for (uint32_t i = 0U; i < 3U; i++) {
-            plan->change[i] = final->position_m[i] - m.r[i];
-            plan->change[i + 3U] = final->velocity_m_s[i] - m.v[i];
-        }
+        cfi_miss(final, &m, plan->change);
         plan->cost_m_s = 0.0;
         plan->lower_bound_m_s = 0.0;
         plan->evaluations_used = 0U;

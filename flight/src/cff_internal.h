@@ -27,11 +27,6 @@ typedef struct {
     double q4;
 } cfi_transforms_t;
 
-typedef struct {
-    double r[3];
-    double v[3];
-} cfi_motion_t;
-
 /*
  * A power of the series of a motion in time: the coefficients of position, optimal thrust and push, and of the next powers.
  * The first are what fixes a motion, in units of a time.
@@ -85,10 +80,10 @@ double cfi_whole(double x);
 void cfi_sine_cosine(double angle, double *sine, double *cosine);
 void cfi_oscillation(double n, double t, double p[3]);
 void cfi_transforms(double n, double t, cfi_transforms_t *out);
-void cfi_coast(double n, double t, const double p[3], const double r[3], const double v[3], cfi_motion_t *out);
+void cfi_coast(double n, double t, const double p[3], const double r[3], const double v[3], cff_state_t *out);
 void cfi_add_driven(double n, double t, const cfi_transforms_t *k, const double u[3], const double w[3],
-                     cfi_motion_t *out);
-void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc_t *arc, cfi_motion_t *out);
+                     cff_state_t *out);
+void cfi_add_pushed(double n, double t, const cfi_transforms_t *k, const cff_arc_t *arc, cff_state_t *out);
 void cfi_step(double angle, uint32_t k, cfi_start_t *s);
 
 /* cff_arc.c */
@@ -96,12 +91,13 @@ bool cfi_finite(const double numbers[], uint32_t count);
 bool cfi_state_finite(const cff_state_t *state);
 bool cfi_thrusts(const cff_arc_t *arc);
 bool cfi_pushes(const cff_arc_t *arc);
-void cfi_state(const cff_arc_t *arc, double t, cfi_motion_t *out);
+void cfi_state(const cff_arc_t *arc, double t, cff_state_t *out);
 void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_start_t *out);
 uint32_t cfi_locate(const cff_path_t *path, double t);
 
-void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cfi_motion_t *state, cfi_motion_t *primer);
-void cfi_primer(const cff_arc_t *arc, double t, cfi_motion_t *out);
+void cfi_arc_motion(const cff_path_t *path, uint32_t k, double t, cff_state_t *state, cff_state_t *primer);
+void cfi_primer(const cff_arc_t *arc, double t, cff_state_t *out);
+void cfi_miss(const cff_state_t *wanted, const cff_state_t *reached, double gap[6]);
 
 /* cff_transfer.c */
 bool cfi_solve(double matrix[], uint32_t size, double rhs[], double columns[]);
@@ -122,7 +118,7 @@ const double *cfi_row(const cff_table_t *chief, uint32_t k, uint32_t j, uint32_t
 void cfi_see_window(const cff_table_t *chief, uint32_t window, const double columns[CFF_COLUMNS], const cff_zone_t *zone,
                     cfi_view_t *view);
 void cfi_columns_at(const cff_table_t *chief, const cff_cursor_t *place, double t, double columns[CFF_COLUMNS]);
-void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi_motion_t *state, cfi_motion_t *primer);
+void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_state_t *state, cff_state_t *primer);
 
 /* cff_polynomial.c */
 void cfi_cut(const double f[CFF_TERMS], double low, double high, double out[CFF_TERMS]);

@@ -102,8 +102,7 @@ static bool lock_is_good(const cff_gathering_t *gathering, double time_s, uint32
                          const double velocities_m_s[][3])
 {
     const uint32_t count = gathering->count;
-    bool good = (count <= CFF_MOST_CRAFT) && (i < count) && (j < count) && (i != j) && cfi_finite(&time_s, 1U);
-    good = good && (time_s >= gathering->time_s) && (gathering->unused >= 1) && (gathering->unused < INT32_MAX);
+    bool good = (i != j) && cfi_finite(&time_s, 1U) && (time_s >= gathering->time_s) && (gathering->unused >= 1);
     for (uint32_t m = 0U; (m < count) && good; m++) {
         good = (gathering->labels[m] == CFF_LOST) && (m != i) && (m != j); /* its velocity may be unknown */
         good = good || cfi_finite(velocities_m_s[m], 3U);
@@ -115,7 +114,8 @@ cff_status_t cff_gathering_lock(cff_gathering_t *gathering, double time_s, uint3
                                 const double velocities_m_s[][3], cff_join_t *join)
 {
     cff_status_t status = CFF_BAD_INPUT;
-    if (lock_is_good(gathering, time_s, i, j, velocities_m_s)) {
+    if ((gathering->count <= CFF_MOST_CRAFT) && (i < gathering->count) && (j < gathering->count) &&
+        (gathering->unused < INT32_MAX) && lock_is_good(gathering, time_s, i, j, velocities_m_s)) {
         const uint32_t low = (i < j) ? i : j;
         const uint32_t high = (i < j) ? j : i;
         const int32_t one = gathering->labels[low];

@@ -210,6 +210,7 @@ static bool judge_cell(drift_t *drift, cell_t *cell, double *time, cff_verdict_t
 }
 
 /* Judge one window of the drift after all failures; a verdict sets the failure, in [0, 1], and the time. */
+/*@ requires \valid(drift) && \valid(failure) && \valid(time); assigns *failure, *time, drift->evaluations; */
 static cff_verdict_t judge_window(drift_t *drift, double *failure, double *time)
 {
     cff_verdict_t verdict = CFF_SAFE;
@@ -374,12 +375,11 @@ static bool go_on(const cff_path_t *path, cff_cursor_t *place, double t)
     bool on = true;
     if (t < path->arcs[place->arc].end_s) {
         cfi_go_on(path->chief, place, t);
-    } else {
+    } else if ((place->arc + 1U) < path->count) {
         place->arc++;
-        on = (place->arc < path->count);
-        if (on) {
-            (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
-        }
+        (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+    } else {
+        on = false;
     }
     return on;
 }

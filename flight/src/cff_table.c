@@ -12,6 +12,10 @@
 
 #define COSTATE 6U
 #define PUSH 12U
+#define HEAD 5U /* numbers of an uploaded table before its arrays, and the sizes of a window in these */
+#define ROWS (CFF_COLUMNS * 6U * CFF_TERMS)
+#define STEPS (6U * CFF_COLUMNS)
+#define RETURNS (9U * 6U * CFF_TERMS)
 #define ON_JOINT 1.0e-14 /* rad: an arc that begins so close before a joint begins with the window after it */
 #define TURN 6.283185307179586
 #define NEWTON_STEPS 30U
@@ -106,6 +110,29 @@ cff_status_t cff_check_table(const cff_table_t *chief)
         }
     }
     return good ? CFF_OK : CFF_BAD_INPUT;
+}
+
+cff_status_t cff_uploaded_table(const double block[], uint32_t count, cff_table_t *table)
+{
+    cff_status_t status = CFF_BAD_INPUT;
+    const double number = (count > HEAD) ? block[HEAD - 1U] : 0.0;
+    if ((number >= 1.0) && (number <= (double)CFF_MOST_WINDOWS)) {
+        const uint32_t windows = (uint32_t)number;
+        if (count == (HEAD + 1U + (windows * (1U + ROWS + STEPS + CFF_COLUMNS + RETURNS + 9U)))) {
+            const double *joints = &block[HEAD];
+            const double *rows = &joints[windows + 1U];
+            const double *steps = &rows[windows * ROWS];
+            const double *errors = &steps[windows * STEPS];
+            const double *returns = &errors[windows * CFF_COLUMNS];
+            const cff_table_t made = {block[0], block[1], block[2], block[3], windows, joints, rows, steps, errors, returns,
+                                      &returns[windows * RETURNS]};
+            status = cff_check_table(&made);
+            if (status == CFF_OK) {
+                *table = made;
+            }
+        }
+    }
+    return status;
 }
 
 /* The coefficients of component i of column j in window k. */
@@ -261,13 +288,9 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
     const double begin = cfi_angle(chief, arc->start_s);
     const double turns = turns_before(chief, begin);
     uint32_t first = 0U;
-    uint32_t last = chief->windows;
-    for (uint32_t k = 0U; (k < 32U) && ((last - first) > 1U); k++) {
-        const uint32_t middle = first + ((last - first) / 2U);
-        if (joint(chief, middle, turns) <= (begin + ON_JOINT)) {
-            first = middle;
-        } else {
-            last = middle;
+    for (uint32_t step = CFF_MOST_WINDOWS / 2U; step > 0U; step /= 2U) { /* by halves */
+        if (((first + step) < chief->windows) && (joint(chief, first + step, turns) <= (begin + ON_JOINT))) {
+            first += step;
         }
     }
     place->window = first;
@@ -286,7 +309,7 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
 }
 
 /* State and thrust at time t of an arc beside the chief. */
-void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi_motion_t *state, cfi_motion_t *primer)
+void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_state_t *state, cff_state_t *primer)
 {
     const double n = chief->rate_rad_s;
     cff_cursor_t place;
@@ -294,10 +317,10 @@ void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cfi
     (void)cfi_place(chief, arc, t, &place);
     cfi_columns_at(chief, &place, t, z);
     for (uint32_t i = 0U; i < 3U; i++) {
-        state->r[i] = z[i];
-        state->v[i] = n * z[3U + i];
-        primer->r[i] = n * n * z[COSTATE + i];
-        primer->v[i] = n * n * n * z[COSTATE + 3U + i];
+        state->position_m[i] = z[i];
+        state->velocity_m_s[i] = n * z[3U + i];
+        primer->position_m[i] = n * n * z[COSTATE + i];
+        primer->velocity_m_s[i] = n * n * n * z[COSTATE + 3U + i];
     }
 }
 

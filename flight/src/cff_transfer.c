@@ -25,7 +25,7 @@ static void response(const cff_table_t *chief, double n, double from, double to,
     cfi_transforms_t k;
     cfi_transforms(n, to - from, &k);
     for (uint32_t j = 0U; j < SIX; j++) {
-        cfi_motion_t m = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        cff_state_t m = {0};
         cff_arc_t arc = {0};
         arc.start_s = from;
         arc.end_s = to;
@@ -35,14 +35,14 @@ static void response(const cff_table_t *chief, double n, double from, double to,
             arc.thrust_rate_m_s3[j - 3U] = 1.0;
         }
         if (chief != NULL) {
-            cfi_motion_t primer;
+            cff_state_t primer;
             cfi_arc_state(chief, &arc, to, &m, &primer);
         } else {
             cfi_add_driven(n, to - from, &k, arc.thrust_m_s2, arc.thrust_rate_m_s3, &m);
         }
         for (uint32_t i = 0U; i < 3U; i++) {
-            matrix[i][j] = m.r[i];
-            matrix[i + 3U][j] = m.v[i];
+            matrix[i][j] = m.position_m[i];
+            matrix[i + 3U][j] = m.velocity_m_s[i];
         }
     }
 }
@@ -167,13 +167,8 @@ cff_status_t cff_coast(double mean_motion_rad_s, double duration_s, const cff_st
     if ((mean_motion_rad_s >= 0.0) && (fabs(mean_motion_rad_s * duration_s) <= CFF_LARGEST_ANGLE_RAD) &&
         cfi_finite(&duration_s, 1U) && cfi_state_finite(state)) {
         double p[3];
-        cfi_motion_t m;
         cfi_oscillation(mean_motion_rad_s, duration_s, p);
-        cfi_coast(mean_motion_rad_s, duration_s, p, state->position_m, state->velocity_m_s, &m);
-        for (uint32_t i = 0U; i < 3U; i++) {
-            later->position_m[i] = m.r[i];
-            later->velocity_m_s[i] = m.v[i];
-        }
+        cfi_coast(mean_motion_rad_s, duration_s, p, state->position_m, state->velocity_m_s, later);
         status = CFF_OK;
     }
     return status;
@@ -205,13 +200,10 @@ static cff_status_t transfer(const cff_table_t *chief, double n, double start, d
         const cff_path_t path = {&made, 1U, chief};
         double gap[SIX];
         double thrust[SIX];
-        cfi_motion_t m;
-        cfi_motion_t u;
+        cff_state_t m;
+        cff_state_t u;
         cfi_arc_motion(&path, 0U, made.end_s, &m, &u);
-        for (uint32_t i = 0U; i < 3U; i++) {
-            gap[i] = final->position_m[i] - m.r[i];
-            gap[i + 3U] = final->velocity_m_s[i] - m.v[i];
-        }
+        cfi_miss(final, &m, gap);
         if (cfi_steer(chief, n, made.start_s, made.end_s, gap, thrust)) {
             for (uint32_t i = 0U; i < 3U; i++) {
                 made.thrust_m_s2[i] = thrust[i];

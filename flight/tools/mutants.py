@@ -1,7 +1,8 @@
-"""Change one operator or constant of the library at a time: do golden vectors or the fuzzer's tallies notice?
+"""Change one operator of the library at a time: do golden vectors or the fuzzer's digest notice?
 
 Usage: mutants.py VECTORS [COUNT] [SEED], VECTORS the folder of `closeform flight-vectors`.  A mutant is found
-if golden.c fails or prints anything else, or the fuzzer's 20 000 own inputs do.
+if golden.c fails or prints anything else, or the fuzzer does for 20 000 inputs.  Operators whose change
+cannot change an answer, for a reason that EQUIVALENT states, are not drawn.
 """
 
 import random
@@ -24,16 +25,19 @@ SWAPS = {
     "&&": "||",
     "||": "&&",
 }
+EQUIVALENT = {  # (part of a line, operator): why its change changes no answer
+}
 FLAGS = ["-w", "-std=gnu99", "-O1", "-ffp-contract=off", f"-I{FLIGHT / 'include'}", f"-I{FLIGHT / 'src'}"]
 
 
-def sites():
+def sites(texts):
     """Yield (file, place, old, new) of all operators between expressions, outside of comments and macros."""
-    for file in sorted((FLIGHT / "src").glob("*.c")):
-        text = file.read_text()
+    for file, text in sorted(texts.items()):
         code = re.sub(r"/\*.*?\*/|^#[^\n]*$", lambda m: " " * len(m[0]), text, flags=re.DOTALL | re.MULTILINE)
         for m in re.finditer(r" ([+\-*/<>]|<=|>=|&&|\|\|) (?=[\w(-])", code):
-            if not code[: m.start()].rstrip().endswith(("(", ",", "double", "const")):
+            declared = code[: m.start()].rstrip().endswith(("(", ",", "double", "const"))
+            line = text[text.rfind("\n", 0, m.start()) : text.find("\n", m.end())]
+            if not declared and not any(part in line and m[1] == sign for part, sign in EQUIVALENT):
                 yield file, m.start(1), m[1], SWAPS[m[1]]
 
 
@@ -41,7 +45,7 @@ def ran(place, objects, name):
     """Return what a program prints, and its status; a hang counts as an answer."""
     subprocess.run(["gcc", *objects, place / f"{name}.o", "-lm", "-o", place / name], check=True)
     try:
-        done = subprocess.run([place / name], capture_output=True, timeout=60)
+        done = subprocess.run([place / name], capture_output=True, timeout=20)
     except subprocess.TimeoutExpired:
         return "hangs"
     return done.returncode, done.stdout
@@ -50,35 +54,39 @@ def ran(place, objects, name):
 def main():
     """Print how many mutants are found, and those that are not."""
     vectors, count, seed = sys.argv[1], *(int(a) for a in (*sys.argv[2:4], "150", "3")[:2])
-    chosen = random.Random(seed).sample(list(sites()), count)
+    texts = {file.name: file.read_text() for file in (FLIGHT / "src").glob("*.c")}  # one state of the sources
+    chosen = random.Random(seed).sample(list(sites(texts)), count)
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        for file in (FLIGHT / "src").glob("*.c"):
-            subprocess.run(["gcc", *FLAGS, "-c", file, "-o", place / f"{file.stem}.o"], check=True)
-        for name, extra in (("golden", [f"-I{vectors}"]), ("fuzz", ["-DCASES=20000"])):
-            source = FLIGHT / "tests" / f"{name}.c"
-            subprocess.run(["gcc", *FLAGS, *extra, "-c", source, "-o", place / f"{name}.o"], check=True)
-        objects = sorted(place.glob("cff_*.o"))
-        expected = {name: ran(place, objects, name) for name in ("golden", "fuzz")}
+
+        def compiled(name, text, *options):
+            (place / f"{name}.c").write_text(text)
+            given = [*FLAGS, *options, "-c", place / f"{name}.c", "-o", place / f"{name}.o"]
+            subprocess.run(["gcc", *given], check=True)
+            return place / f"{name}.o"
+
+        objects = {file: compiled(Path(file).stem, text) for file, text in texts.items()}
+        for name, option in (("golden", f"-I{vectors}"), ("fuzz", "-DCASES=20000")):
+            compiled(name, (FLIGHT / "tests" / f"{name}.c").read_text(), option)
+        expected = {name: ran(place, objects.values(), name) for name in ("golden", "fuzz")}
         found, alive = {"golden": 0, "fuzz": 0}, []
         for file, at, old, new in chosen:
-            text = file.read_text()
-            (place / "mutant.c").write_text(text[:at] + new + text[at + len(old) :])
-            subprocess.run(["gcc", *FLAGS, "-c", place / "mutant.c", "-o", place / "mutant.o"], check=True)
-            mixed = [place / "mutant.o" if one.stem == file.stem else one for one in objects]
+            text = texts[file]
+            mutant = compiled("mutant", text[:at] + new + text[at + len(old) :])
+            mixed = [mutant if one == file else made for one, made in objects.items()]
             for name, answer in expected.items():
                 if ran(place, mixed, name) != answer:
                     found[name] += 1
                     break
             else:
-                line = text[:at].count("\n")
-                alive.append((file.name, line + 1, old, new, text.splitlines()[line].strip()[:90]))
+                number = text[:at].count("\n")
+                alive.append((f"{file}:{number + 1}", f"{old} as {new}", text.splitlines()[number].strip()))
     print(
         f"{sum(found.values())} of {count} mutants found: {found['golden']} by golden vectors, "
         f"{found['fuzz']} more by fuzzing"
     )
-    for one in alive:
-        print("  alive:", *one)
+    for where, change, line in alive:
+        print(f"  {where:24} {change:8} {line[:100]}")
 
 
 main()

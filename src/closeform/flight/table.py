@@ -47,9 +47,9 @@ def chief_of(orbit: Any, span: float = 0.0) -> Any:
         return pointing(table, room)
     if chief is None:
         return types.NULL
-    numbers, arrays = arrays_of(chief)
-    memory = [types.from_buffer("double[]", array) for array in arrays]
-    return pointing(types.new("cff_table_t *", [*numbers, *memory]), memory)
+    block, table = types.from_buffer("double[]", table_bytes(orbit)), types.new("cff_table_t *")
+    check(functions.cff_uploaded_table(block, len(block), table))
+    return pointing(table, block)
 
 
 def table_bytes(orbit: Any) -> bytes:

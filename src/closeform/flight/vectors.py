@@ -15,7 +15,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach, find_conflicts
-from closeform.flight.table import arrays_of
+from closeform.flight.table import arrays_of, table_bytes
 from closeform.motion.arc import WIDTH
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
@@ -141,7 +141,8 @@ def impulses(rng: np.random.Generator) -> Iterator[str]:
             start, duration = rng.uniform(0.0, 500.0), rng.uniform(1000.0, 5000.0)
             ends = rng.normal(size=(2, 6)) * ([100.0] * 3 + [0.1] * 3)
             least = orbit.impulsive(*ends, duration, start=start).delta_v
-            yield f"{number}, {start.hex()}, {duration.hex()}, {row(ends[0])}, {row(ends[1])}, {float(least).hex()}"
+            given = f"{number}, {start.hex()}, {duration.hex()}, {row(ends[0])}, {row(ends[1])}"
+            yield f"{given}, {float(least).hex()}"
 
 
 def avoidances(rng: np.random.Generator) -> Iterator[str]:
@@ -293,9 +294,19 @@ def vectors() -> str:
     return "\n".join([*parts, "#endif", ""])
 
 
+def upload() -> dict[str, bytes]:
+    """Return the blocks that `flight/examples/uploaded_paths.c` reads."""
+    orbit = Orbit.eccentric(0.3, perigee_altitude=500e3)
+    own = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 600.0)
+    other = orbit.coast([30, 0, 0, 0, 0, 0], 600.0)
+    return {"table": table_bytes(orbit), "own": own.arcs.tobytes(), "other": other.arcs.tobytes()}
+
+
 def write(folder: FilePath) -> FilePath:
-    """Write the golden vectors to a folder and return the file."""
+    """Write the golden vectors to a folder, and the blocks of `upload`; return the file of vectors."""
     folder.mkdir(parents=True, exist_ok=True)
+    for name, block in upload().items():
+        (folder / f"{name}.bin").write_bytes(block)
     file = folder / NAME
     file.write_text(vectors(), encoding="utf-8")
     return file
