@@ -215,9 +215,9 @@ def test_formations_with_times_of_their_own_are_clear(kind):
 def test_fallbacks_end_with_the_span_of_the_chief():
     """An arrival that drifts into the zone is never safe, so that longer plans are tried up to the end."""
     orbit = cf.Orbit.perturbed(0.01, 1.1, perigee_altitude=600e3, span=5000.0)
-    slots = np.array([[0, 200.0, 0, 0, -0.4, 0], [0, -200.0, 0, 0, 0.4, 0]])
+    slots = np.array([[0, 0, 200.0, 0, 0, -0.4], [0, 0, -200.0, 0, 0, 0.4]])
     options = {"obstacles": orbit.coast(np.zeros(6), 5000.0), "assign": True, "drift": 1200.0}
-    plan = cf.reconfigure(orbit, BEHIND[None], slots, 2500.0, ZONE, **options)
+    plan = cf.reconfigure(orbit, BEHIND[None], slots, 2500.0, ZONE, if_blocked=("longer",), **options)
     assert not plan.ok
     assert sum("not known for so long" in line for line in plan.measures) >= 2
     for options in ({"start": 3000.0}, {"drift": 3000.0, "obstacles": orbit.coast(np.zeros(6), 5000.0)}):
