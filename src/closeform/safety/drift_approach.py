@@ -257,11 +257,11 @@ def worst_loss(
             parts.append((partial(amid_impulse, fails.state(at), jump, at), np.linspace(0.0, 1.0, counts[0])))
     each = [losses(places) for losses, places in parts]
     ratios = examined(*map(np.concatenate, zip(*each, strict=True)))
-    basins = []
+    basins: list[tuple[float, int, int]] = []
     for part, own in enumerate(np.split(ratios, np.cumsum([len(places) for _, places in parts])[:-1])):
         beside = np.pad(own, 1, constant_values=np.inf)
         lowest = np.flatnonzero((own <= beside[:-2]) & (own <= beside[2:]))
-        basins += [(own[k], part, k) for k in lowest]
+        basins += [(float(own[k]), part, int(k)) for k in lowest]
     for _, part, k in sorted(basins)[: minima * thrusts]:
         losses, places = parts[part]
         for count in counts[1:]:

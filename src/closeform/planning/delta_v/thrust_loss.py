@@ -266,7 +266,7 @@ def widened(orbit: Orbit | ChiefOrbit, rows: Floats, brief: float) -> Floats:
     A burn is shorter where the motion of the chief is not known before its impulse, or after it.
     """
     found: list[Floats] = []
-    fires = rows[:, IMPULSE : IMPULSE + 3].any(axis=1)
+    fires: Any = rows[:, IMPULSE : IMPULSE + 3].any(axis=1)
     known = orbit.chief.span if isinstance(orbit, ChiefOrbit) else (-np.inf, np.inf)
     times = rows[fires, START, None]
     spans = np.clip(times + np.array([-brief, brief]), *known)
