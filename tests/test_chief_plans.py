@@ -215,9 +215,9 @@ def test_formations_with_times_of_their_own_are_clear(kind):
 def test_fallbacks_end_with_the_span_of_the_chief():
     """An arrival that drifts into the zone is never safe, so that longer plans are tried up to the end."""
     orbit = cf.Orbit.perturbed(0.01, 1.1, perigee_altitude=600e3, span=5000.0)
-    slots = np.array([[0, 200.0, 0, 0, -0.4, 0], [0, -200.0, 0, 0, 0.4, 0]])
+    slots = np.array([[0, 0, 200.0, 0, 0, -0.4], [0, 0, -200.0, 0, 0, 0.4]])
     options = {"obstacles": orbit.coast(np.zeros(6), 5000.0), "assign": True, "drift": 1200.0}
-    plan = cf.reconfigure(orbit, BEHIND[None], slots, 2500.0, ZONE, **options)
+    plan = cf.reconfigure(orbit, BEHIND[None], slots, 2500.0, ZONE, if_blocked=("longer",), **options)
     assert not plan.ok
     assert sum("not known for so long" in line for line in plan.measures) >= 2
     for options in ({"start": 3000.0}, {"drift": 3000.0, "obstacles": orbit.coast(np.zeros(6), 5000.0)}):
@@ -319,14 +319,17 @@ def test_impulses_are_clear_and_of_minimum_delta_v_in_integrated_equations(kind)
 
 @pytest.mark.parametrize(("kind", "across"), [("J2", 1.0), (0.3, 0.35)])
 def test_impulses_are_planned_passively_safe(kind, across):
-    """Where the plan without a loss of thrust is not safe; beside drifts from between and amid impulses."""
+    """Where the plan without a loss of thrust is not safe; beside drifts from between and amid impulses.
+
+    With J2 the plan begins at the first instant at which the chief is known.
+    """
     orbit = orbit_of(kind)
     client, aside = orbit.coast(np.zeros(6), 8000.0), np.array([0, 0, 150.0 * across, 0, 0, 0])
-    path = orbit.transfer(BEHIND + aside, AHEAD + aside, 2400.0, 500.0)
+    path = orbit.transfer(BEHIND + aside, AHEAD + aside, 2400.0, 0.0 if kind == "J2" else 500.0)
     until = path.end + 5000.0
     plain = cf.avoid(path, client, ZONE, cost="delta-v")
     assert not cf.passively_safe(plain.path, client, ZONE, until)
-    plan = cf.avoid(path, client, ZONE, cost="delta-v", drift=5000.0)
+    plan = cf.avoid(path, client, ZONE, cost="delta-v", drift=5000.0, budget=1)
     own = plan.path
     assert plan.status.name == "AVOIDED"
     assert np.abs(own.state(own.end) - path.state(path.end)).max() < 1e-6

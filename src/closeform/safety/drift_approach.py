@@ -34,7 +34,7 @@ Failing = Literal["path", "other", "either", "both"]
 Losses = Callable[[Floats], tuple[Floats, Floats]]  # times (K,) of losses and states (K, 6) from places (K,)
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
 # Losses of thrust beside any chief, over a path and amid each impulse, then near the lowest MINIMA of them.
-LOSSES, MINIMA = (200, *(21,) * 5), 3
+LOSSES, MINIMA = (200, *(21,) * 5), 4
 CERTAIN, HALVINGS = 0.999, 8  # of the minimum found: bound that is proven, or else halvings to one that is
 
 
@@ -231,31 +231,42 @@ def worst_loss(
     """Return the time of the worst loss of thrust found, that of the minimum norm, the norm and the distance.
 
     The zone is around `meets`, or around `fails` if not `around`.  Instants of a path and shares of each
-    impulse are sampled, then again near the lowest `minima`.  Without thrust the first time is nan.
+    impulse are sampled, then again near the lowest `minima` of all.  Without thrust the first time is nan.
     """
     thrusts = fails.arcs[:, THRUST:].any() or fails.arcs[:, IMPULSE : IMPULSE + 3].any()
-    low, high = float(fails.start), min(float(fails.end), np.nextafter(end, -np.inf))
+    last = min(float(fails.end), np.nextafter(end, -np.inf))
     worst = np.nan, np.nan, np.inf, np.inf
 
-    def refine(counts: Sequence[int], low: float, high: float, losses: Losses, minima: int) -> None:
+    def examined(times: Floats, states: Floats) -> Floats:
         nonlocal worst
-        places = np.linspace(low, high, counts[0])
-        times, states = losses(places)
         drifts = fails.orbit.coast(states, end - times, times)
         near = closest_approach(*((drifts, meets) if around else (meets, drifts)), zone)
         k = int(np.argmin(near.ratio))
         if near.ratio[k] < worst[2]:
             worst = times[k], near.time[k], near.ratio[k], near.distance[k]
-        beside = np.pad(near.ratio, 1, constant_values=np.inf)
-        lowest = np.flatnonzero((near.ratio <= beside[:-2]) & (near.ratio <= beside[2:]))
-        for k in lowest[np.argsort(near.ratio[lowest])][: minima * (len(counts) > 1)]:
-            refine(counts[1:], places[max(k - 1, 0)], places[min(k + 1, counts[0] - 1)], losses, 1)
+        return np.asarray(near.ratio)
 
+    def along(times: Floats) -> tuple[Floats, Floats]:
+        return times, fails.state(times)
+
+    parts: list[tuple[Losses, Floats]] = [
+        (along, np.linspace(fails.start, last, counts[0] if thrusts else 1))
+    ]
     for at, jump in fails.impulses:
         if at < end:
-            refine(counts, 0.0, 1.0, partial(amid_impulse, fails.state(at), jump, at), minima)
-    instants = counts if thrusts else (1,)
-    refine(instants, low, high, lambda times: (times, fails.state(times)), minima)
+            parts.append((partial(amid_impulse, fails.state(at), jump, at), np.linspace(0.0, 1.0, counts[0])))
+    each = [losses(places) for losses, places in parts]
+    ratios = examined(*map(np.concatenate, zip(*each, strict=True)))
+    basins: list[tuple[float, int, int]] = []
+    for part, own in enumerate(np.split(ratios, np.cumsum([len(places) for _, places in parts])[:-1])):
+        beside = np.pad(own, 1, constant_values=np.inf)
+        lowest = np.flatnonzero((own <= beside[:-2]) & (own <= beside[2:]))
+        basins += [(float(own[k]), part, int(k)) for k in lowest]
+    for _, part, k in sorted(basins)[: minima * thrusts]:
+        losses, places = parts[part]
+        for count in counts[1:]:
+            places = np.linspace(places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)], count)
+            k = int(np.argmin(examined(*losses(places))))
     at, time, ratio, distance = map(float, worst)
     return at if thrusts else np.nan, time, ratio, distance
 

@@ -347,6 +347,8 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
                 yield f"{place}.{key}: a relative orbit {only}; give position and velocity"
         if getattr(stage, "follow", ()):
             yield f"{place}.follow: {only}; give burns"
+        if isinstance(stage, Avoid) and any(one.frame == "inertial" for one in stage.thrust_exclusion):
+            yield f'{place}.thrust_exclusion: frame = "inertial" {only}; give frame = "orbit"'
         if (
             isinstance(stage, Avoid | Joint)
             and stage.cost == "delta-v"

@@ -130,7 +130,7 @@ class ImpulseSolver:
         if self.problem.beside is not None and self.pushes.fixed.any():
             alone = self.alone()
             if alone is None:
-                named = ", ".join(self.names[i] for i in np.flatnonzero(self.pushes.fixed))
+                named = ", ".join(self.names[i] for i in np.flatnonzero(self.pushes.fixed).tolist())
                 raise ValueError(
                     f"thrusters: {named}: no firing achieves the transfer; add thrusters, or allow more time"
                 )

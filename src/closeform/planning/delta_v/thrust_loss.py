@@ -16,6 +16,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.orbit import Orbit
 from closeform.planning.delta_v.checks import Checked, drifting
 from closeform.planning.delta_v.dual.fleet import BRIEF
@@ -259,24 +260,30 @@ def lost_at(contacts: Contacts) -> Floats:
     return lost
 
 
-def widened(orbit: Orbit, rows: Floats, brief: float) -> Floats:
-    """Return arcs of one craft with impulses as burns of duration 2 `brief` about their times."""
+def widened(orbit: Orbit | ChiefOrbit, rows: Floats, brief: float) -> Floats:
+    """Return arcs of one craft with impulses as burns of duration 2 `brief` about their times.
+
+    A burn is shorter where the motion of the chief is not known before its impulse, or after it.
+    """
     found: list[Floats] = []
-    fires = rows[:, IMPULSE : IMPULSE + 3].any(axis=1)
-    flows = iter(orbit.transition([-brief, brief], rows[fires, START, None]))
+    fires: Any = rows[:, IMPULSE : IMPULSE + 3].any(axis=1)
+    known = orbit.chief.span if isinstance(orbit, ChiefOrbit) else (-np.inf, np.inf)
+    times = rows[fires, START, None]
+    spans = np.clip(times + np.array([-brief, brief]), *known)
+    burns = zip(spans, orbit.transition(spans - times, times), strict=True)
     for row, burning in zip(rows, fires, strict=True):
         coast = row.copy()
         if burning:
-            push, state, at = row[IMPULSE : IMPULSE + 3], row[STATE : STATE + 6], row[START]
-            back, ahead = next(flows)
+            push, state = row[IMPULSE : IMPULSE + 3], row[STATE : STATE + 6]
+            (begin, end), (back, ahead) = next(burns)
             if found:
-                found[-1][END] = at - brief
+                found[-1][END] = begin
             burn = np.zeros(WIDTH)
-            burn[[START, END, MEAN_MOTION]] = at - brief, at + brief, row[MEAN_MOTION]
+            burn[[START, END, MEAN_MOTION]] = begin, end, row[MEAN_MOTION]
             burn[STATE : STATE + 6] = back @ (state - np.concatenate([np.zeros(3), push]))
-            burn[PUSH : PUSH + 3] = push / (2.0 * brief)
+            burn[PUSH : PUSH + 3] = push / (end - begin)
             coast[IMPULSE : IMPULSE + 3] = 0.0
-            coast[START], coast[END] = at + brief, max(row[END], at + brief)
+            coast[START], coast[END] = end, max(row[END], end)
             coast[STATE : STATE + 6] = ahead @ state
             found.append(burn)
         found.append(coast)

@@ -223,7 +223,8 @@ class SafeTask:
     ) -> float:
         """Fill the planes' multipliers; return their energy."""
         self.problem.effort.used += planes.number**2  # a pair of planes costs as much as a sample
-        return press(scene or self.scene, planes, lift, give, stride, most)
+        energy: float = press(scene or self.scene, planes, lift, give, stride, most)
+        return energy
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
         """Return planes at close approaches of failed craft of the given paths, and the largest shortfall.

@@ -40,7 +40,7 @@ def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
     lasts = base[:, END] - base[:, START]
     drifts, waits = schedules(float(lasts.min()), orbit.period)
     first, last = base[:, [START]], base[:, [END]]
-    begun = last - waits - drifts  # (N, C), the times of the first impulse
+    begun = np.maximum(last - waits - drifts, first)  # (N, C), the times of the first impulse
     flow = orbit.transition(drifts, begun)
     left = (orbit.transition(begun - first, first) @ begins[:, None, :, None])[..., 0]
     joined = (orbit.transition(-waits, last) @ finals[:, None, :, None])[..., 0]
@@ -60,8 +60,8 @@ def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
     chain = (orbit.transition(problem.first - since, since) @ chain[..., None])[..., 0]
     times = since[..., 1:]
     look = Look(problem)
-    for first in range(0, len(order), CHUNK):
-        some = order[first : first + CHUNK]
+    for place in range(0, len(order), CHUNK):
+        some = order[place : place + CHUNK]
         for c in some[look.clear(chain[:, some, 1], times[:, some])]:
             if look.stays_clear(chain[:, c], times[:, c]):
                 yield times[:, c], np.ascontiguousarray(impulses[:, c])

@@ -17,8 +17,9 @@ A craft whose thrust was lost at s responds at t through its state at s, followe
 
     A = E Phi(t, s) [A(s); A'(s)],    B^T = E Phi(t, s) [B(s)^T; B'(s)^T]                      # theory (71)
 
-The force's jump of thrust rate is propagated back to s by natural motion like any primer; at s the thrust
-itself jumps as well.  A' and B'^T are then rates in t alone.
+In Hill's equations B = -F(T)^-1 F(T - s) J with J = Phi(s - t) [0 I]^T, the force's jump of thrust rate
+propagated back to s by natural motion like any primer; at s the thrust itself jumps as well.  A' is then the
+rate in t alone, and B' has no meaning.
 """
 
 from typing import Any
@@ -61,7 +62,31 @@ def is_controllable(scene, body, t):
 
 
 @kernel()
-def carry(scene, s, t, out):
+def carry(n, drift, ahead, left):
+    """Transform the responses for a contact that occurs a `drift` after the loss of thrust.
+
+    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (71)
+    """
+    jumps = stack_matrix(3, 6)
+    for i in range(3):
+        jump = coast(
+            n, -drift, 0.0, 0.0, 0.0, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+        )
+        for j in range(6):
+            jumps[i, j] = jump[j]
+    for k in range(6):
+        reached = coast(
+            n, drift, ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k]
+        )
+        x, y, z = 0.0, 0.0, 0.0
+        for j in range(6):
+            ahead[j, k] = reached[j]
+            x, y, z = x + left[k, j] * jumps[0, j], y + left[k, j] * jumps[1, j], z + left[k, j] * jumps[2, j]
+        left[k, 3], left[k, 4], left[k, 5] = x, y, z
+
+
+@kernel()
+def carry_states(scene, s, t, out):
     """Carry the responses (4, 3, 6) of a craft's state at a loss of thrust at s to time t, theory (71)."""
     state = stack_vector(6)
     for part in (PLACE, BACK):
@@ -74,11 +99,13 @@ def carry(scene, s, t, out):
 
 
 @kernel()
-def fill_hill_responses(scene, body, t, ahead, left, out):
-    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, in metres."""
+def fill_hill_responses(scene, body, t, drift, ahead, left, out):
+    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, a `drift` after it; in metres."""
     n = scene.base[body, MEAN_MOTION]
     response(n, t - scene.base[body, START], ahead)
     response(n, scene.base[body, END] - t, left)
+    if drift > 0.0:
+        carry(n, drift, ahead, left)
     inverse = scene.inverses[body]
     for j in range(6):
         for i in range(3):
@@ -113,10 +140,10 @@ def fill_factors(scene, contacts, count, factors):
                 continue
             if len(scene.clock) > 0:
                 fill_responses(scene, body, t, both)
+                if drift > 0.0:
+                    carry_states(scene, t, contacts.times[k], both)
             else:
-                fill_hill_responses(scene, body, t, ahead, left, both)
-            if drift > 0.0:
-                carry(scene, t, contacts.times[k], both)
+                fill_hill_responses(scene, body, t, drift, ahead, left, both)
             for part in range(4):
                 for i in range(3):
                     for j in range(6):
