@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
+from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of, each_pair
 from closeform.motion.arc import END, IMPULSE, START, THRUST
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
@@ -22,7 +22,8 @@ from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, OFFSET, PI
 from closeform.safety.failure_motions import room_for
 from closeform.safety.failure_search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
-from closeform.safety.infinite_horizon import floor_of, shadow_form, shadow_of_faces
+from closeform.safety.infinite_horizon import continue_failures
+from closeform.safety.shadow import floor_of, shadow_form, shadow_of_faces
 from closeform.safety.single_failures import MEETS
 from closeform.zones.shapes import FACES
 from closeform.zones.zone import Zone
@@ -146,8 +147,7 @@ def _safe_beside_chief(
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
     shape = broadcast(path=path.shape, other=other.shape)
     safe = np.ones(len(first := craft_of(path, shape)), dtype=bool)
-    for k, (one, two) in enumerate(zip(first, craft_of(other, shape), strict=True)):
-        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
+    for k, (mine, its) in enumerate(each_pair(path, other, first, craft_of(other, shape))):
         if failing != "other":
             safe[k] &= loss_of_thrust_is_safe(mine, its, zone, end)
         if failing != "path":
@@ -179,8 +179,7 @@ def _approach_beside_chief(
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
     shape, sides = broadcast(path=path.shape, other=other.shape), ("path", "other")
     rows = []
-    for one, two in zip(craft_of(path, shape), craft_of(other, shape), strict=True):
-        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
+    for mine, its in each_pair(path, other, craft_of(path, shape), craft_of(other, shape)):
         found = [
             (*_after_loss(*((mine, its) if side == "path" else (its, mine)), zone, end, side == "path"), side)
             for side in sides
@@ -406,16 +405,18 @@ def search_pairs(
     one, two = one._replace(now=one.now.copy()), two._replace(now=two.now.copy())  # which the search changes
     two.now[OFFSET] = (room.cells.shape[1] + SIDE) // 2
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
-    far = end + MOST_ORBITS * orbit.period if for_ever else 0.0
     shadow = shadow_of_faces(zone)
     if shadow is None:
         shadow = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else shadow_form(zone)
-    task = orbit.mean_motion, zone.form, zone.stretch, certain, most, far, shadow, floor_of(zone)
-    ends = np.full(len(first), end)
+    task = orbit.mean_motion, zone.form, zone.stretch, certain, most, shadow, floor_of(zone)
     left = np.arange(len(first))
     while len(left):
         some = np.zeros((len(left), rows.shape[1]))
-        worst_failures(one, two, first[left], second[left], ends[left], *task, room, some)
+        pairs = first[left], second[left], np.full(len(left), end)
+        worst_failures(one, two, *pairs, *task, room, some)
+        if for_ever:
+            far = end + MOST_ORBITS * orbit.period
+            continue_failures(one, two, *pairs, *task, far, room, some)
         rows[left] = some
         left = left[some[:, RATIO] == -np.inf]
         if len(left):
