@@ -191,7 +191,7 @@ def plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
         size += abs(value) * reach_of(rows, k, j)
     for i in range(3):
         normal[i] = matrix[i, 0] * place[0] + matrix[i, 1] * place[1] + matrix[i, 2] * place[2]
-    away = length(normal)
+    away = size_of(normal)
     if not away > 1.0:
         return False
     for i in range(3):  # of length 1 in zone coordinates
@@ -240,15 +240,16 @@ def fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, w
     count = columns_in(row)
     polynomial(rows, k, row[COLUMN:], count, matrix, p, there)
     slack(errors, k, row[COLUMN:], count, matrix, there, slacks)
-    off, most, size, stretch = length(slacks), 0.0, 0.0, 0.0
+    off, most, size, stretch = size_of(slacks), 0.0, 0.0, 0.0
     for i in range(TERMS):
         for m in range(6):
-            z[m] = 0.0
+            total = 0.0
             for q in range(6):
-                z[m] += whole[m, q] * y[q, i]
+                total += whole[m, q] * y[q, i]
+            z[m] = total
         polynomial(rows, k, z, COSTATE, matrix, p, c)
         slack(errors, k, z, COSTATE, matrix, c, slacks)
-        most = max(most, length(slacks))
+        most = max(most, size_of(slacks))
         for axis in range(3):
             for b in range(TERMS):
                 line[b] = c[axis, b] - there[axis, b]
@@ -267,7 +268,7 @@ def fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, w
 
 
 @kernel()
-def length(vector):
+def size_of(vector):
     """Return the Euclidean length of a vector (3,)."""
     return sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
 
@@ -277,10 +278,13 @@ def carry(steps, k, whole, product):
     """Replace `whole` (6, 6) by the transition matrix to the end of window k."""
     for i in range(6):
         for m in range(6):
-            product[i, m] = 0.0
+            total = 0.0
             for q in range(6):
-                product[i, m] += steps[k, i, q] * whole[q, m]
-    whole[:] = product
+                total += steps[k, i, q] * whole[q, m]
+            product[i, m] = total
+    for i in range(6):
+        for m in range(6):
+            whole[i, m] = product[i, m]
 
 
 @kernel()
