@@ -292,6 +292,12 @@ def each_pair(path: Path, other: Path, first: Any, second: Any) -> Iterator[tupl
         yield path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
 
 
+def every_pair(path: Path, other: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the two paths of each pair of two batches, whose shapes broadcast."""
+    shape = broadcast(path=path.shape, other=other.shape)
+    return each_pair(path, other, craft_of(path, shape), craft_of(other, shape))
+
+
 def _drifted(path: Path, craft: Any, time: Floats) -> Any:
     """Return states (M, 6) of coasting spacecraft at any times (M,), extrapolated beyond their paths."""
     rows = path.arcs[path.offsets[craft]]

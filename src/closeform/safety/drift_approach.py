@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of, each_pair
+from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of, every_pair
 from closeform.motion.arc import END, IMPULSE, START, THRUST
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
@@ -133,26 +133,27 @@ def passively_safe(
     False
     """
     if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
-        return _safe_beside_chief(path, other, zone, until, failure, failing)
-    ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
+        safe = _safe_beside_chief(path, other, zone, until, failure, failing)
+    else:
+        ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
+        safe = np.isinf(np.minimum.reduce(ratios))
     shape = broadcast(path=path.shape, other=other.shape)
-    safe = np.isinf(np.minimum.reduce(ratios))
     return safe.reshape(shape) if shape else bool(safe[0])
 
 
 def _safe_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
-) -> bool | NDArray[np.bool_]:
-    """Return `passively_safe` about a chief that is not on a circle."""
+) -> NDArray[np.bool_]:
+    """Return whether each pair (P,) about a chief that is not on a circle is passively safe."""
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
-    shape = broadcast(path=path.shape, other=other.shape)
-    safe = np.ones(len(first := craft_of(path, shape)), dtype=bool)
-    for k, (mine, its) in enumerate(each_pair(path, other, first, craft_of(other, shape))):
-        if failing != "other":
-            safe[k] &= loss_of_thrust_is_safe(mine, its, zone, end)
-        if failing != "path":
-            safe[k] &= loss_of_thrust_is_safe(its, mine, zone, end, around=False)
-    return safe.reshape(shape) if shape else bool(safe[0])
+    return np.array(
+        [
+            (failing == "other" or loss_of_thrust_is_safe(mine, its, zone, end))
+            and (failing == "path" or loss_of_thrust_is_safe(its, mine, zone, end, around=False))
+            for mine, its in every_pair(path, other)
+        ],
+        dtype=bool,
+    )
 
 
 def _checked_beside_chief(
@@ -172,26 +173,20 @@ def _checked_beside_chief(
     return _checked(path, other, zone, until, failure, failing)
 
 
-def _approach_beside_chief(
+def _columns_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
-) -> DriftApproach:
-    """Return `drift_approach` about a chief that is not on a circle."""
+) -> list[list[Any]]:
+    """Return the columns of a `DriftApproach` about a chief, for each spacecraft of a pair that may fail."""
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
-    shape, sides = broadcast(path=path.shape, other=other.shape), ("path", "other")
-    rows = []
-    for mine, its in each_pair(path, other, craft_of(path, shape), craft_of(other, shape)):
-        found = [
-            (*_after_loss(*((mine, its) if side == "path" else (its, mine)), zone, end, side == "path"), side)
-            for side in sides
-            if failing in (side, "either")
+    found = []
+    for side in ("path", "other") if failing == "either" else (failing,):
+        mine = side == "path"
+        rows = [
+            _after_loss(*(pair if mine else pair[::-1]), zone, end, mine) for pair in every_pair(path, other)
         ]
-        worst = min(found, key=lambda row: row[2])
-        rows.append((*worst[:4], worst[5], min(row[4] for row in found)))
-    columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else [np.empty(0)] * 6
-    if not shape:
-        at, time, ratio, distance, which, lower = rows[0]
-        return DriftApproach(at, time, ratio, distance, which, lower)
-    return DriftApproach(*(column.reshape(shape) for column in columns))
+        at, time, ratio, distance, lower = np.array(rows).reshape(-1, 5).T
+        found.append([at, time, ratio, distance, np.full(len(rows), side), lower])
+    return found
 
 
 def _after_loss(
@@ -286,11 +281,9 @@ def drift_approach(
     docs/theory.md sections 8 and 11; docs/passive_safety.md.
     """
     if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
-        return _approach_beside_chief(path, other, zone, until, failure, failing)
-    found = [
-        _columns_of(which, rows, zone, sides, ends)
-        for which, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
-    ]
+        found = _columns_beside_chief(path, other, zone, until, failure, failing)
+    else:
+        found = [_columns_of(*one) for one in _worst(path, other, zone, until, failure, failing, SAME)]
     best = found[0]
     for other_one in found[1:]:
         lower = np.minimum(best[-1], other_one[-1])
