@@ -10,8 +10,8 @@ from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.safety.failure_cells import side_of
 from closeform.safety.failure_motions import ROOM_TYPE, room_for
-from closeform.safety.infinite_horizon import floor_of, shadow_of_faces
 from closeform.safety.separating_planes import mixed_normal
+from closeform.safety.shadow import floor_of, shadow_of_faces
 from closeform.zones.shapes import FORM
 from closeform.zones.zone import scaled_norm
 

@@ -26,6 +26,7 @@ PASSIVE_SAFETY = "safety.failure_search"
 ABOUT_CHIEF = (
     "motion.chief.segments motion.chief.impulses conflicts.chief.pair_search planning.problem.pieces"
 )
+PASSIVE_FOR_EVER = "safety.infinite_horizon"
 PASSIVE_ABOUT_CHIEF = "safety.drift_beside_chief"
 SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
 ERRORS = (
@@ -72,6 +73,8 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
             yield JOINT_DELTA_V
         if getattr(stage, "drift", None) is not None:
             yield PASSIVE_SAFETY if hill else PASSIVE_ABOUT_CHIEF
+            if stage.for_ever:
+                yield PASSIVE_FOR_EVER
             if plans and (hill or cost == "delta-v"):
                 yield SAFE_PLANS
         if stage.sigmas is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -284,6 +284,18 @@ def craft_of(path: Path, shape: tuple[int, ...]) -> Any:
     if path.shape == shape:
         return craft
     return np.broadcast_to(craft.reshape(path.shape), shape).flatten()  # numba requires a writable array
+
+
+def each_pair(path: Path, other: Path, first: Any, second: Any) -> Iterator[tuple[Path, Path]]:
+    """Yield the two paths of each pair, given by indices in two flattened batches."""
+    for one, two in zip(first, second, strict=True):
+        yield path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
+
+
+def every_pair(path: Path, other: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the two paths of each pair of two batches, whose shapes broadcast."""
+    shape = broadcast(path=path.shape, other=other.shape)
+    return each_pair(path, other, craft_of(path, shape), craft_of(other, shape))
 
 
 def _drifted(path: Path, craft: Any, time: Floats) -> Any:

@@ -1,11 +1,11 @@
 """Thrust, control energy, delta-v and peak thrust of arcs."""
 
-from math import sqrt
+from math import ceil, sqrt
 
 from numba import float64, int64, void
 
 from closeform._jit import kernel
-from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import (
     END,
     MEAN_MOTION,
@@ -20,8 +20,12 @@ from closeform.motion.arc import (
     state_at,
     thrusts,
 )
-from closeform.motion.extrema import maximum_norm
+from closeform.motion.chief.bernstein import DEEPEST, SQUARE, TERMS, from_powers, highest
+from closeform.motion.extrema import advance
 from closeform.motion.hill import costate, driven
+from closeform.motion.quadrature import integral
+
+PIECE = 0.5  # in n t, of a Taylor polynomial, whose remainder is below 1e-12
 
 
 @kernel()
@@ -56,59 +60,21 @@ def gauss4(arc, n, middle, half):
     return half * (0.6521451548625461 * inner + 0.34785484513745385 * outer)
 
 
-# Kronrod's 15 points and weights and the 7 Gauss weights among them (QUADPACK, positive half).
-NODES: tuple[float, ...] = (0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993945)
-NODES += (0.5860872354676911, 0.4058451513773972, 0.2077849550078985, 0.0)
-KRONROD: tuple[float, ...] = (0.0229353220105292, 0.0630920926299786, 0.1047900103222502, 0.1406532597159259)
-KRONROD += (0.1690047266392679, 0.1903505780647854, 0.2044329400752989, 0.2094821410847278)
-GAUSS = (0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.3818300505051189, 0.0, 0.4179591836734694)
+@kernel()
+def sampled(scene, t):
+    """Return |thrust| or its square at time t."""
+    arc, n, squared = scene
+    square = thrust_squared(arc, n, t)
+    return square if squared else sqrt(square)
 
 
 @kernel()
-def integral(arc, n, squared, stack):
-    """Integrate |thrust| or its square by adaptive Gauss-Kronrod quadrature, to a relative 1e-10."""
-    if not thrusts(arc) and arc[MEAN_MOTION] == n:
-        return 0.0
-    duration = arc[END] - arc[START]
-    total = 0.0
-    scale = 0.0
-    stack[0] = 0.0  # left edges of the remaining intervals; each is 2^-depth long
-    stack[1] = 0.0  # and their depths
-    top = 1
-    while top > 0:
-        top -= 1
-        left = stack[2 * top]
-        depth = stack[2 * top + 1]
-        half = 0.5 * duration * 0.5**depth
-        middle = arc[START] + left * duration + half
-        fine = 0.0
-        coarse = 0.0
-        for k in range(8):
-            f = thrust_squared(arc, n, middle - half * NODES[k])
-            g = thrust_squared(arc, n, middle + half * NODES[k]) if k < 7 else 0.0
-            f = f + g if squared else sqrt(f) + sqrt(g)
-            fine += KRONROD[k] * f
-            coarse += GAUSS[k] * f
-        if depth == 0.0:
-            scale = half * fine
-        if depth > 40.0 or half * abs(fine - coarse) <= 1e-11 * scale:
-            total += half * fine
-        else:
-            stack[2 * top] = left
-            stack[2 * top + 1] = depth + 1.0
-            stack[2 * top + 2] = left + 0.5 ** (depth + 1.0)
-            stack[2 * top + 3] = depth + 1.0
-            top += 2
-    return total
-
-
-@kernel()
-def arc_energy(arc, n, stack):
+def arc_energy(arc, n):
     duration = arc[END] - arc[START]
     if arc[MEAN_MOTION] != n:
         return 0.5 * gauss4(arc, n, 0.5 * (arc[START] + arc[END]), 0.5 * duration)
     if pushes(arc):
-        return 0.5 * integral(arc, n, True, stack)
+        return 0.5 * integral(sampled, (arc, n, True), arc[START], arc[END])
     energy = 0.0
     if has_primer(arc):
         # d(costate . state)/dt = |u|^2, with the state that the thrust alone produces
@@ -120,7 +86,31 @@ def arc_energy(arc, n, stack):
 
 
 @kernel()
-def arc_peak(arc, n, q):
+def largest_norm(q, n, stop, stack):
+    """Return the largest norm over [0, stop] of an arc of order 4, by its Taylor polynomials.
+
+    Overwrites `q`.
+    """
+    c, powers, best = stack_matrix(3, TERMS), stack_vector(TERMS), 0.0
+    pieces = ceil(n * stop / PIECE) if n > 0.0 else 1
+    h = stop / pieces
+    for _ in range(pieces):
+        for axis in range(3):
+            factor = 1.0
+            for k in range(TERMS):
+                if k < 4:
+                    powers[k] = factor * q[k, axis]
+                    factor *= h / (k + 1.0)
+                else:
+                    powers[k] = -((n * h) ** 2) / (k * (k - 1.0)) * powers[k - 2]
+            from_powers(powers, c[axis])
+        best = highest(c, stack, best)
+        advance(q, n, h)
+    return best
+
+
+@kernel()
+def arc_peak(arc, n, q, stack):
     """Return the largest thrust along an arc, which is natural motion, or a cubic if interpolated."""
     duration = arc[END] - arc[START]
     q[:] = 0.0
@@ -142,7 +132,7 @@ def arc_peak(arc, n, q):
             ux, uy, uz, wx, wy, wz = wx, wy, wz, 0.0, 0.0, 0.0
     for k in range(WIDTH - PUSH):
         q[k // 3, k % 3] += arc[PUSH + k]
-    return maximum_norm(q, order_n, duration)
+    return largest_norm(q, order_n, duration, stack)
 
 
 ENERGY, DELTA_V, PEAK, HIDDEN = 0, 1, 2, 3
@@ -155,19 +145,19 @@ BANG_BANG = 1.0 / 16.0
 @kernel(void(float64[:, ::1], int64[::1], float64, int64, float64[::1]))
 def totals(arcs, offsets, n, what, out):
     """Fill `out` with energy, delta-v, peak thrust or interpolation error of each path, without impulses."""
-    stack = stack_vector(200)
-    q = stack_matrix(8, 3)
+    arcs, q, stack = borrowed(arcs), stack_matrix(8, 3), stack_matrix(DEEPEST, SQUARE)
     for p in range(len(offsets) - 1):
         total = 0.0
         for a in range(offsets[p], offsets[p + 1]):
             arc = arcs[a]
             if arc[END] > arc[START]:
                 if what == ENERGY:
-                    total += arc_energy(arc, n, stack)
+                    total += arc_energy(arc, n)
                 elif what == DELTA_V:
-                    total += integral(arc, n, False, stack)
+                    if thrusts(arc) or arc[MEAN_MOTION] != n:
+                        total += integral(sampled, (arc, n, False), arc[START], arc[END])
                 else:
-                    peak = arc_peak(arc, n, q)
+                    peak = arc_peak(arc, n, q, stack)
                     if what == HIDDEN:
                         peak *= BANG_BANG * (arc[END] - arc[START]) ** 2
                     total = max(total, peak)

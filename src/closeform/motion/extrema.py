@@ -1,23 +1,22 @@
-"""Certified extrema of a norm along one window of an arc (see `certified_march`)."""
+"""Certified minimum of a norm along one window of an arc (see `certified_march`)."""
 
 from math import sqrt
 
 from closeform._jit import kernel
 from closeform.motion.certified_march import (
     LESS_PATIENCE,
-    PATIENCE,
     bounds,
     relative_state,
     taylor_step,
 )
 from closeform.motion.hill import oscillation
-from closeform.zones.shapes import BALL, FACES, inside_step, norm, outside_step, part, rank, rate
+from closeform.zones.shapes import BALL, FACES, norm, outside_step, part, rank, rate
 
-# Extrema are certified to these relative errors; a minimum norm below NIL counts as 0.
-PRECISION, PEAK_PRECISION = 1e-11, 1e-9
+# Minima are certified to this relative error; one below NIL counts as 0.
+PRECISION = 1e-11
 NIL = 1e-13
 SMALLEST = 32  # fraction of a window below which it is no longer divided but marched
-TURN_ANGLE = 0.3  # in n t: the longest step of the search for a local extremum
+TURN_ANGLE = 0.3  # in n t: the longest step of the search for a local minimum
 
 
 @kernel()
@@ -27,9 +26,9 @@ def slope(shape, faces, q, order, n, t):
 
 
 @kernel()
-def next_extremum(shape, faces, q, order, n, t, stop, sign):
-    """Return the next time at which sign * rate turns from positive to negative: a local extremum."""
-    high = sign * slope(shape, faces, q, order, n, t)
+def next_minimum(shape, faces, q, order, n, t, stop):
+    """Return the next time at which the rate turns from negative to positive: a local minimum."""
+    high = -slope(shape, faces, q, order, n, t)
     longest = (stop - t) / 16.0 if n == 0.0 else min((stop - t) / 16.0, TURN_ANGLE / n)
     longest = max(longest, 1e-15 * stop)  # a step that time can resolve
     x, y, z, _, _, _ = relative_state(q, order, n, t)
@@ -39,7 +38,7 @@ def next_extremum(shape, faces, q, order, n, t, stop, sign):
     step = max(step, 1e-15 * stop)
     while after < stop:
         after = min(after + step, stop)
-        low = sign * slope(shape, faces, q, order, n, after)
+        low = -slope(shape, faces, q, order, n, after)
         if low <= 0.0:
             break
         before = after
@@ -47,7 +46,7 @@ def next_extremum(shape, faces, q, order, n, t, stop, sign):
         step = min(1.5 * step, longest)
     else:
         return stop
-    fine = 1e-12 if shape == BALL else 4e-16  # a smooth extremum is flat
+    fine = 1e-12 if shape == BALL else 4e-16  # a smooth minimum is flat
     for k in range(200):
         width = after - before
         if width <= fine * (abs(after) + width):
@@ -58,7 +57,7 @@ def next_extremum(shape, faces, q, order, n, t, stop, sign):
             guess = before + width * high / (high - low)
             if before < guess < after:
                 middle = guess
-        here = sign * slope(shape, faces, q, order, n, middle)
+        here = -slope(shape, faces, q, order, n, middle)
         if here > 0.0:
             before, high = middle, here
             low *= 0.5
@@ -71,16 +70,16 @@ def next_extremum(shape, faces, q, order, n, t, stop, sign):
 
 
 @kernel()
-def local_extremum(shape, faces, q, order, n, t, stop, s, sign):
-    """Return time and norm of a local minimum (sign -1) or maximum (1) that follows norm s at t.
+def local_minimum(shape, faces, q, order, n, t, stop, s):
+    """Return time and norm of a local minimum that follows norm s at t.
 
-    An extremum further away may lie on the wrong side of s, behind another one; the search then shortens.
+    A minimum further away may lie above s, behind another one; the search then shortens.
     """
     for _ in range(60):
-        there = next_extremum(shape, faces, q, order, n, t, stop, sign)
+        there = next_minimum(shape, faces, q, order, n, t, stop)
         x, y, z, _, _, _ = relative_state(q, order, n, there)
         found = norm(shape, faces, x, y, z)
-        if sign * (found - s) > 0.0:
+        if found < s:
             return there, found
         stop = t + 0.25 * (there - t)
         if stop <= t * (1.0 + 1e-15):
@@ -207,7 +206,7 @@ def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
             best = s
             best_time = t
             if (s > NIL or shape == FACES) and rate(shape, faces, x, y, z, vx, vy, vz) < 0.0:
-                best_time, best = local_extremum(shape, faces, q, order, n, t, stop, s, -1.0)
+                best_time, best = local_minimum(shape, faces, q, order, n, t, stop, s)
         aim = best * (1.0 - PRECISION)
         if best <= NIL:
             if shape != FACES:
@@ -237,41 +236,3 @@ def step_on(q, n, t, transforms):
         q[1, i] += a * p0 + b * p1
         q[2, i] = a * c + b * p0
         q[3, i] = b * c - n * n * a * p0
-
-
-@kernel()
-def maximum_norm(q, n, stop):
-    """Return the largest Euclidean norm over [0, stop] of an arc of order 4; overwrites `q`."""
-    best, faces = 0.0, q[:0]
-    for k in range(9):  # a norm to start from, even where it is zero at both ends
-        x, y, z, _, _, _ = relative_state(q, 4, n, stop * (0.125 * k) ** 1.1)
-        best = max(best, norm(BALL, faces, x, y, z))
-    patience = PATIENCE
-    t = 0.0
-    while best > 0.0:
-        t, best = march_maximum(q, n, t, stop, patience, best)
-        if t >= stop:
-            break
-        advance(q, n, t)
-        stop -= t
-        t = taylor_step(3, q, 4, n, stop, best * (1.0 + PEAK_PRECISION), True)
-        patience = LESS_PATIENCE
-    return best
-
-
-@kernel()
-def march_maximum(q, n, t, stop, patience, best):
-    """March at most `patience` steps from t to `stop`; return the time reached and the largest norm."""
-    ax, ay, az, a, speed = bounds(q, 4, n, stop)
-    for _ in range(patience):
-        x, y, z, vx, vy, vz = relative_state(q, 4, n, t)
-        s = norm(BALL, q[:0], x, y, z)
-        if s > best:
-            best = s
-            if rate(BALL, q[:0], x, y, z, vx, vy, vz) > 0.0:
-                _, best = local_extremum(BALL, q[:0], q, 4, n, t, stop, s, 1.0)
-        if t >= stop:
-            break
-        h = inside_step(BALL, q[:0], x, y, z, vx, vy, vz, ax, ay, az, a, speed, best * (1.0 + PEAK_PRECISION))
-        t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
-    return t, best

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
+from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of, every_pair
 from closeform.motion.arc import END, IMPULSE, START, THRUST
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
@@ -23,7 +23,8 @@ from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, OFFSET, PI
 from closeform.safety.failure_motions import room_for
 from closeform.safety.failure_search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
-from closeform.safety.infinite_horizon import floor_of, shadow_form, shadow_of_faces
+from closeform.safety.infinite_horizon import continue_failures
+from closeform.safety.shadow import floor_of, shadow_form, shadow_of_faces
 from closeform.safety.single_failures import MEETS
 from closeform.zones.shapes import FACES
 from closeform.zones.zone import Zone
@@ -134,27 +135,27 @@ def passively_safe(
     False
     """
     if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
-        return _safe_beside_chief(path, other, zone, until, failure, failing)
-    ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
+        safe = _safe_beside_chief(path, other, zone, until, failure, failing)
+    else:
+        ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
+        safe = np.isinf(np.minimum.reduce(ratios))
     shape = broadcast(path=path.shape, other=other.shape)
-    safe = np.isinf(np.minimum.reduce(ratios))
     return safe.reshape(shape) if shape else bool(safe[0])
 
 
 def _safe_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
-) -> bool | NDArray[np.bool_]:
-    """Return `passively_safe` about a chief that is not on a circle."""
+) -> NDArray[np.bool_]:
+    """Return whether each pair (P,) about a chief that is not on a circle is passively safe."""
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
-    shape = broadcast(path=path.shape, other=other.shape)
-    safe = np.ones(len(first := craft_of(path, shape)), dtype=bool)
-    for k, (one, two) in enumerate(zip(first, craft_of(other, shape), strict=True)):
-        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
-        if failing != "other":
-            safe[k] &= loss_of_thrust_is_safe(mine, its, zone, end)
-        if failing != "path":
-            safe[k] &= loss_of_thrust_is_safe(its, mine, zone, end, around=False)
-    return safe.reshape(shape) if shape else bool(safe[0])
+    return np.array(
+        [
+            (failing == "other" or loss_of_thrust_is_safe(mine, its, zone, end))
+            and (failing == "path" or loss_of_thrust_is_safe(its, mine, zone, end, around=False))
+            for mine, its in every_pair(path, other)
+        ],
+        dtype=bool,
+    )
 
 
 def _checked_beside_chief(
@@ -174,27 +175,20 @@ def _checked_beside_chief(
     return _checked(path, other, zone, until, failure, failing)
 
 
-def _approach_beside_chief(
+def _columns_beside_chief(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
-) -> DriftApproach:
-    """Return `drift_approach` about a chief that is not on a circle."""
+) -> list[list[Any]]:
+    """Return the columns of a `DriftApproach` about a chief, for each spacecraft of a pair that may fail."""
     end = _checked_beside_chief(path, other, zone, until, failure, failing)
-    shape, sides = broadcast(path=path.shape, other=other.shape), ("path", "other")
-    rows = []
-    for one, two in zip(craft_of(path, shape), craft_of(other, shape), strict=True):
-        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
-        found = [
-            (*_after_loss(*((mine, its) if side == "path" else (its, mine)), zone, end, side == "path"), side)
-            for side in sides
-            if failing in (side, "either")
+    found = []
+    for side in ("path", "other") if failing == "either" else (failing,):
+        mine = side == "path"
+        rows = [
+            _after_loss(*(pair if mine else pair[::-1]), zone, end, mine) for pair in every_pair(path, other)
         ]
-        worst = min(found, key=lambda row: row[2])
-        rows.append((*worst[:4], worst[5], min(row[4] for row in found)))
-    columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else [np.empty(0)] * 6
-    if not shape:
-        at, time, ratio, distance, which, lower = rows[0]
-        return DriftApproach(at, time, ratio, distance, which, lower)
-    return DriftApproach(*(column.reshape(shape) for column in columns))
+        at, time, ratio, distance, lower = np.array(rows).reshape(-1, 5).T
+        found.append([at, time, ratio, distance, np.full(len(rows), side), lower])
+    return found
 
 
 def _after_loss(
@@ -326,11 +320,9 @@ def drift_approach(
     docs/theory.md sections 8 and 11; docs/passive_safety.md.
     """
     if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
-        return _approach_beside_chief(path, other, zone, until, failure, failing)
-    found = [
-        _columns_of(which, rows, zone, sides, ends)
-        for which, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
-    ]
+        found = _columns_beside_chief(path, other, zone, until, failure, failing)
+    else:
+        found = [_columns_of(*one) for one in _worst(path, other, zone, until, failure, failing, SAME)]
     best = found[0]
     for other_one in found[1:]:
         lower = np.minimum(best[-1], other_one[-1])
@@ -445,16 +437,18 @@ def search_pairs(
     one, two = one._replace(now=one.now.copy()), two._replace(now=two.now.copy())  # which the search changes
     two.now[OFFSET] = (room.cells.shape[1] + SIDE) // 2
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
-    far = end + MOST_ORBITS * orbit.period if for_ever else 0.0
     shadow = shadow_of_faces(zone)
     if shadow is None:
         shadow = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else shadow_form(zone)
-    task = orbit.mean_motion, zone.form, zone.stretch, certain, most, far, shadow, floor_of(zone)
-    ends = np.full(len(first), end)
+    task = orbit.mean_motion, zone.form, zone.stretch, certain, most, shadow, floor_of(zone)
     left = np.arange(len(first))
     while len(left):
         some = np.zeros((len(left), rows.shape[1]))
-        worst_failures(one, two, first[left], second[left], ends[left], *task, room, some)
+        pairs = first[left], second[left], np.full(len(left), end)
+        worst_failures(one, two, *pairs, *task, room, some)
+        if for_ever:
+            far = end + MOST_ORBITS * orbit.period
+            continue_failures(one, two, *pairs, *task, far, room, some)
         rows[left] = some
         left = left[some[:, RATIO] == -np.inf]
         if len(left):

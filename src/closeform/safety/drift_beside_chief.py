@@ -19,7 +19,7 @@ from numba import boolean, float64, int64
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import IMPULSE
-from closeform.motion.chief.bernstein import TERMS, cut, weights
+from closeform.motion.chief.bernstein import TERMS, cut, keep_piece, weights
 from closeform.motion.chief.positions import columns_in, polynomial, slack
 from closeform.motion.chief.segments import (
     COLUMN,
@@ -144,6 +144,16 @@ def all_clear(shape, faces, cells, spans, off, when, line, left, spent):
 
 
 @kernel()
+def reach_of(rows, k, column):
+    """Return the largest position coefficient of a column of window k."""
+    most = 0.0
+    for axis in range(3):
+        for b in range(TERMS):
+            most = max(most, abs(rows[k, column, axis, b]))
+    return most
+
+
+@kernel()
 def plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
     """Return True if one plane keeps all drifts of `y` out of a ball around `row` in all of window k.
 
@@ -164,33 +174,28 @@ def plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
             for i in range(TERMS):
                 most = max(most, abs(y[q, i]))
             far += abs(whole[m, q]) * (most + wrong)
-        reach = 0.0
         for axis in range(3):
             place[axis] += rows[k, m, axis, middle] * z
-            for b in range(TERMS):
-                reach = max(reach, abs(rows[k, m, axis, b]))
-        slip = 0.0
+        reach, slip = reach_of(rows, k, m), 0.0
         for q in range(6):
             slip += abs(whole[m, q]) * wrong
         off += far * errors[k, m] + slip * reach
         size += far * reach
     for j in range(count):
-        value, reach = row[COLUMN + j], 0.0
+        value = row[COLUMN + j]
         if value == 0.0:
             continue
         for axis in range(3):
             place[axis] -= rows[k, j, axis, middle] * value
-            for b in range(TERMS):
-                reach = max(reach, abs(rows[k, j, axis, b]))
         off += abs(value) * errors[k, j]
-        size += abs(value) * reach
+        size += abs(value) * reach_of(rows, k, j)
     for i in range(3):
         normal[i] = matrix[i, 0] * place[0] + matrix[i, 1] * place[1] + matrix[i, 2] * place[2]
-    length = sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    if not length > 1.0:
+    away = size_of(normal)
+    if not away > 1.0:
         return False
     for i in range(3):  # of length 1 in zone coordinates
-        turned[i] = (matrix[0, i] * normal[0] + matrix[1, i] * normal[1] + matrix[2, i] * normal[2]) / length
+        turned[i] = (matrix[0, i] * normal[0] + matrix[1, i] * normal[1] + matrix[2, i] * normal[2]) / away
     wide = abs(turned[0]) + abs(turned[1]) + abs(turned[2])
     for b in range(TERMS):
         there[b] = 1.0 + wide * (off + SHORT * size)
@@ -226,19 +231,72 @@ def plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
 
 
 @kernel()
-def drifts_clear(table, errors, y, wrong, k, turns, begins, when, others, j, j_end, until, form, work):
+def fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, work):
+    """Fill cell 0 with the control points of all drifts of `y` less `row`, over [u0, u1] of window k.
+
+    Returns a bound of their error.
+    """
+    cells, _, _, _, z, p, c, there, line, left, slacks, _ = work
+    count = columns_in(row)
+    polynomial(rows, k, row[COLUMN:], count, matrix, p, there)
+    slack(errors, k, row[COLUMN:], count, matrix, there, slacks)
+    off, most, size, stretch = size_of(slacks), 0.0, 0.0, 0.0
+    for i in range(TERMS):
+        for m in range(6):
+            total = 0.0
+            for q in range(6):
+                total += whole[m, q] * y[q, i]
+            z[m] = total
+        polynomial(rows, k, z, COSTATE, matrix, p, c)
+        slack(errors, k, z, COSTATE, matrix, c, slacks)
+        most = max(most, size_of(slacks))
+        for axis in range(3):
+            for b in range(TERMS):
+                line[b] = c[axis, b] - there[axis, b]
+            keep_piece(line, u0, u1, left)
+            for b in range(TERMS):
+                cells[0, i, axis, b] = line[b]
+    for m in range(6):
+        total = 0.0
+        for q in range(6):
+            total += abs(whole[m, q])
+        size += total * reach_of(rows, k, m)
+    for axis in range(3):
+        total = abs(matrix[axis, 0]) + abs(matrix[axis, 1]) + abs(matrix[axis, 2])
+        stretch += total * total
+    return off + most + sqrt(stretch) * wrong * size
+
+
+@kernel()
+def size_of(vector):
+    """Return the Euclidean length of a vector (3,)."""
+    return sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+
+
+@kernel()
+def carry(steps, k, whole, product):
+    """Replace `whole` (6, 6) by the transition matrix to the end of window k."""
+    for i in range(6):
+        for m in range(6):
+            total = 0.0
+            for q in range(6):
+                total += steps[k, i, q] * whole[q, m]
+            product[i, m] = total
+    for i in range(6):
+        for m in range(6):
+            whole[i, m] = product[i, m]
+
+
+@kernel()
+def drifts_clear(table, errors, y, wrong, k, turns, begins, when, others, until, form, work):
     """Return True if all drifts of states `y` (6, TERMS) at the beginning of window k stay out of the zone.
 
     They begin at the angle `begins` and end at `until`; `wrong` bounds the error of y.
     """
     shape, matrix, faces = form
     clock, joints, turn, rows, steps = table
-    cells, spans, whole, product, z, p, c, there, line, left, slacks, spent = work
-    stretch = 0.0
-    for axis in range(3):
-        total = abs(matrix[axis, 0]) + abs(matrix[axis, 1]) + abs(matrix[axis, 2])
-        stretch += total * total
-    stretch = sqrt(stretch)
+    cells, spans, whole, product, _, _, _, _, line, left, _, spent = work
+    j, j_end = 0, len(others)
     for i in range(6):
         for m in range(6):
             whole[i, m] = 1.0 if i == m else 0.0
@@ -258,55 +316,14 @@ def drifts_clear(table, errors, y, wrong, k, turns, begins, when, others, j, j_e
             if shape == BALL and plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
                 continue
             u0, u1 = share(joints, k, origin, a), share(joints, k, origin, b)
-            count = columns_in(row)
-            polynomial(rows, k, row[COLUMN:], count, matrix, p, there)
-            slack(errors, k, row[COLUMN:], count, matrix, there, slacks)
-            off, most, size = sqrt(slacks[0] ** 2 + slacks[1] ** 2 + slacks[2] ** 2), 0.0, 0.0
-            for i in range(TERMS):
-                for m in range(6):
-                    total = 0.0
-                    for q in range(6):
-                        total += whole[m, q] * y[q, i]
-                    z[m] = total
-                polynomial(rows, k, z, COSTATE, matrix, p, c)
-                slack(errors, k, z, COSTATE, matrix, c, slacks)
-                most = max(most, sqrt(slacks[0] ** 2 + slacks[1] ** 2 + slacks[2] ** 2))
-                for axis in range(3):
-                    for b_ in range(TERMS):
-                        line[b_] = c[axis, b_] - there[axis, b_]
-                    if u1 < 1.0:
-                        cut(line, TERMS, u1, left)
-                        for b_ in range(TERMS):
-                            line[b_] = left[b_]
-                    if u0 > 0.0:
-                        cut(line, TERMS, u0 / u1, left)
-                    for b_ in range(TERMS):
-                        cells[0, i, axis, b_] = line[b_]
-            for m in range(6):
-                total = 0.0
-                for q in range(6):
-                    total += abs(whole[m, q])
-                reach = 0.0
-                for axis in range(3):
-                    for b_ in range(TERMS):
-                        reach = max(reach, abs(rows[k, m, axis, b_]))
-                size += total * reach
-            off += most + stretch * wrong * size
+            off = fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, work)
             spans[0, 0], spans[0, 1], spans[0, 2], spans[0, 3] = 0.0, 1.0, u0, u1
             place = when if first_window else (-1.0, -1.0)
             if not all_clear(shape, faces, cells, spans, off, place, line, left, spent):
                 return False
         if end >= until - ON_JOINT or (turn == 0.0 and k + 2 == len(joints)):
             return True
-        for i in range(6):
-            for m in range(6):
-                total = 0.0
-                for q in range(6):
-                    total += steps[k, i, q] * whole[q, m]
-                product[i, m] = total
-        for i in range(6):
-            for m in range(6):
-                whole[i, m] = product[i, m]
+        carry(steps, k, whole, product)
         first_window = False
         k += 1
         if k + 1 == len(joints):
@@ -366,66 +383,30 @@ def loss_is_safe(table, errors, returns, return_errors, segs, jumps, others, unt
                     for b in range(TERMS):
                         fixed[i] += value * basis[b] * returns[k, q, i, b]
         jumped = jumps[s, 0] != 0.0 or jumps[s, 1] != 0.0 or jumps[s, 2] != 0.0
-        if s == 0 or jumped:
-            for i in range(3):
-                given[i], given[3 + i] = 0.0, jumps[s, i]
-            for i in range(15):
-                before[i] = 0.0
-            if jumped:
-                back(rows, k, u0, given, before, space)
-            for i in range(6):
-                for b in range(TERMS):
-                    y[i, b] = fixed[i] - (1.0 - b / (TERMS - 1.0)) * before[i]
+        for amid in range(2):  # amid an impulse, then along the segment
             place = (-1.0, -1.0)
-            if not drifts_clear(
-                table,
-                errors,
-                y,
-                wrong,
-                k,
-                turns,
-                row[FIRST],
-                place,
-                others,
-                0,
-                len(others),
-                until,
-                form,
-                work,
-            ):
-                return False
-        if push and row[LAST] > row[FIRST]:
-            for i in range(6):
-                for b in range(TERMS):
-                    line[b] = row[COLUMN + i]
-                for q in range(9):
-                    value = row[COLUMN + COSTATE + q]
+            if amid == 0 and (s == 0 or jumped):
+                for i in range(3):
+                    given[i], given[3 + i] = 0.0, jumps[s, i]
+                before[:] = 0.0
+                if jumped:
+                    back(rows, k, u0, given, before, space)
+                for i in range(6):
                     for b in range(TERMS):
-                        line[b] += value * returns[k, q, i, b]
-                if u1 < 1.0:
-                    cut(line, TERMS, u1, left)
-                    for b in range(TERMS):
-                        line[b] = left[b]
-                if u0 > 0.0:
-                    cut(line, TERMS, u0 / u1, left)
-                for b in range(TERMS):
-                    y[i, b] = line[b]
-            place = (u0, u1)
+                        y[i, b] = fixed[i] - (1.0 - b / (TERMS - 1.0)) * before[i]
+            elif amid == 1 and push and row[LAST] > row[FIRST]:
+                place = (u0, u1)
+                for i in range(6):
+                    y[i] = row[COLUMN + i]
+                    for q in range(9):
+                        value = row[COLUMN + COSTATE + q]
+                        for b in range(TERMS):
+                            y[i, b] += value * returns[k, q, i, b]
+                    keep_piece(y[i], u0, u1, left)
+            else:
+                continue
             if not drifts_clear(
-                table,
-                errors,
-                y,
-                wrong,
-                k,
-                turns,
-                row[FIRST],
-                place,
-                others,
-                0,
-                len(others),
-                until,
-                form,
-                work,
+                table, errors, y, wrong, k, turns, row[FIRST], place, others, until, form, work
             ):
                 return False
     return True

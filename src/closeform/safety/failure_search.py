@@ -16,6 +16,7 @@ from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
 from closeform.safety.descent import descend
 from closeform.safety.failure_cells import (
+    FIRST,
     FROM,
     KIND,
     LAST,
@@ -32,8 +33,8 @@ from closeform.safety.failure_cells import (
     span_both,
 )
 from closeform.safety.failure_motions import ROOM_TYPE, is_natural, open_window
-from closeform.safety.infinite_horizon import is_shadow, search_tail
 from closeform.safety.separating_planes import EITHER_WAY, march, widest
+from closeform.safety.shadow import is_shadow
 from closeform.safety.single_failures import (
     MEETS,
     around,
@@ -53,7 +54,7 @@ RETRIED = 0.1  # of a set's widest edge: a cell is marched again, uncut, if the 
 MANY, LESS = 5_000, 10.0
 LONG = 6.0 * pi  # of a drift, in n t: the zone's shadow is checked first
 # Columns of the result of a pair; the position in zone coordinates, the failure as a cell.
-TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
+TIME, RATIO, ACCURACY, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 4, 7
 
 
 @kernel()
@@ -227,33 +228,24 @@ def search(one, two, top, end, n, form, scale, shadow, floor, certain, most, roo
     return best, when, certain
 
 
-@kernel(inline=True)
+@kernel()
 def begin_pair(one, two, end, n, room, result):
-    """Fill the cells of a pair; return their number, 0 without a common time, -1 without space."""
-    begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
-    result[TIME], result[RATIO], result[LOWER] = nan, inf, inf
+    """Fill the cells of a pair; return their number, 0 without a common time or enough space."""
+    begin = max(one.arcs[one.now[FIRST], START], two.arcs[two.now[FIRST], START])
+    result[TIME], result[RATIO], result[ACCURACY], result[LOWER] = nan, inf, 0.0, inf
     if begin > end:
         return 0
     top = fill_cells(one, two, begin, n, room.cells)
     if 2 * top > len(room.cells):
         result[TIME], result[RATIO] = top, -inf
-        return -1
+        return 0
     return top
 
 
-@kernel(inline=True)
-def continue_search(one, two, ratio, when, known, end, far, n, form, scale, shadow, floor, certain, room):
-    """Return minimum norm, time and accuracy with those of the drift from `end` to `far`."""
-    top = fill_cells(one, two, end, n, room.cells)
-    ratio, later, late = search_tail(one, two, top, far, n, form, scale, shadow, floor, certain, room, ratio)
-    if later == -inf:
-        return -inf, float(2 * len(room.cells)), known
-    return ratio, later if later == later else when, max(known, late)
-
-
-@kernel(inline=True)
+@kernel()
 def store_result(one, two, ratio, when, known, end, n, form, floor, room, result):
     """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
+    result[ACCURACY] = known
     if ratio == -inf or (ratio == 1.0 and when != when):  # too little space, or undecided
         result[TIME], result[RATIO] = when, ratio
     if ratio == -inf or when != when:
@@ -271,20 +263,6 @@ def store_result(one, two, ratio, when, known, end, n, form, floor, room, result
         result[FAILURE + c] = worst[c]
 
 
-@kernel()
-def worst_of_pair(one, two, end, n, form, scale, certain, most, far, shadow, floor, room, result):
-    """Fill the columns of the current pair, as `worst_failures`."""
-    top = begin_pair(one, two, end, n, room, result)
-    if top <= 0:
-        return
-    ratio, when, known = search(one, two, top, end, n, form, scale, shadow, floor, certain, most, room)
-    if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-        ratio, when, known = continue_search(
-            one, two, ratio, when, known, end, far, n, form, scale, shadow, floor, certain, room
-        )
-    store_result(one, two, ratio, when, known, end, n, form, floor, room, result)
-
-
 @kernel(
     void(
         *[SIDE_TYPE] * 2,
@@ -292,24 +270,21 @@ def worst_of_pair(one, two, end, n, form, scale, certain, most, far, shadow, flo
         float64[::1],
         float64,
         FORM,
-        *[float64] * 4,
+        *[float64] * 3,
         FORM,
         float64,
         ROOM_TYPE,
         float64[:, ::1],
     )
 )
-def worst_failures(
-    one, two, first, second, ends, n, form, scale, certain, most, far, shadow, floor, room, out
-):
+def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, shadow, floor, room, out):
     """Fill `out` with time and ratio of each pair's worst failure, and its columns (see `failure_cells`).
 
     The ratio is `certain` to that share of itself, or of 1, or less accurate if that takes too many cells: no
     failure leads below LOWER. If `most` is MEETS, pairs that stay out of the zone have inf, and 1 without a
     time where undecided; if `certain` is 0 the first failure that meets the zone suffices. A pair without a
-    common time has nan and inf; one that needs more space has -inf, and the number of its cells as a time. If
-    `far` is above 0 the drift continues from its end to then, and norms in the shadow `shadow` have the time
-    inf. `floor` is a lower bound on all norms.
+    common time has nan and inf; one that needs more space has -inf, and the number of its cells as a time.
+    `shadow` is that of the zone along the track, and `floor` a lower bound on all norms.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
@@ -317,4 +292,9 @@ def worst_failures(
     for p in range(len(first)):
         choose(one, first[p])
         choose(two, second[p])
-        worst_of_pair(one, two, ends[p], n, form, scale, certain, most, far, shadow, floor, room, out[p])
+        top = begin_pair(one, two, ends[p], n, room, out[p])
+        if top > 0:
+            ratio, when, known = search(
+                one, two, top, ends[p], n, form, scale, shadow, floor, certain, most, room
+            )
+            store_result(one, two, ratio, when, known, ends[p], n, form, floor, room, out[p])

@@ -8,21 +8,30 @@ drift.  Next to these, slow drifts pass the zone's *shadow* along the track in p
 and the minimum norm in the shadow is the limit of theirs.                             # theory (49)
 """
 
-from functools import lru_cache
 from math import acos, atan2, inf, nan, pi, sqrt
 
-import numpy as np
+from numba import float64, int64, void
 
 from closeform._jit import kernel
-from closeform.arrays import Floats
-from closeform.safety.failure_cells import FROM, column_of, parameter_count, single_failure, span_both
-from closeform.safety.failure_motions import GENERATORS, OTHER, open_window
+from closeform.kernel_loans import borrowed, lent
+from closeform.motion.arc import START
+from closeform.safety.failure_cells import (
+    FIRST,
+    FROM,
+    SIDE_TYPE,
+    choose,
+    column_of,
+    parameter_count,
+    single_failure,
+    span_both,
+)
+from closeform.safety.failure_motions import GENERATORS, OTHER, ROOM_TYPE, open_window
+from closeform.safety.failure_search import ACCURACY, FAILURE, RATIO, TIME, fill_cells, store_result
 from closeform.safety.separating_planes import EITHER_WAY, march
+from closeform.safety.shadow import along_track, is_shadow
 from closeform.safety.single_failures import NEAR, aim, cut, near_by, note, propagate, target_below
-from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.zone import Zone, enclosing
+from closeform.zones.shapes import BALL, FORM
 
-ALONG = 1e-14  # of a face: a smaller component is along the track
 BESIDE = 1e-3  # of a cell: distance from a failure without drift at which the direction of drifts is sampled
 SHORTEST = 1e-9  # of a cell: smallest step along failures without drift
 FEW = 60  # steps of the march after which a cell is divided or continued
@@ -31,71 +40,6 @@ STILL = 1e-3  # of a zone: an ellipse that drifts by less in the whole time is c
 # accuracy is reduced; for half-spaces that the track leads into the norm then has no bound.
 ENOUGH, LESS = (5_000, 1_000, 4_000), (10.0, 100.0, 100.0)
 TURNS = 16  # alternations between the regions ahead of a zone and behind it, in one orbit
-
-
-@lru_cache(maxsize=64)
-def shadow_form(zone: Zone) -> tuple[int, Floats, Floats]:
-    """Return the shadow of a zone along the track, as the form of an unbounded zone.
-
-    For half-spaces, and for cylinders oblique to the track, it is that of an enclosing ellipsoid.
-    """
-    if zone.shape == CUBE:  # a hexagon, with two sides along the shadow of each edge
-        edges = np.linalg.inv(zone.matrix)
-        normals = np.cross([0.0, 1.0, 0.0], edges.T)
-        reach = np.abs(normals @ edges).sum(axis=1, keepdims=True)
-        return CUBE, normals / np.where(reach > 0.0, reach, 1.0), np.empty((0, 3))
-    slanting = zone.matrix[:2, 1].any() and zone.matrix[2, 1] != 0.0
-    own = zone.shape == CYLINDER and not slanting
-    shape, matrix = (CYLINDER, zone.matrix) if own else (BALL, enclosing(zone))
-    along = matrix[:, 1]
-    square = float(along @ along)
-    shadow = matrix - np.outer(along, along @ matrix) / square if square > 0.0 else matrix
-    return shape, np.ascontiguousarray(shadow), np.empty((0, 3))
-
-
-@lru_cache(maxsize=64)
-def shadow_of_faces(zone: Zone) -> tuple[int, Floats, Floats] | None:
-    """Return the shadow of half-spaces along the track, whose faces are along the track, or None.
-
-    It has the faces along the track themselves, and for each two that lean against each other their mix; None
-    where the track leads ever deeper into them, and for other zones.
-    """
-    if zone.shape != FACES:
-        return None
-    along = zone.matrix[:, 1]
-    lean = zone.faces @ along
-    flat = np.abs(lean) <= ALONG * np.linalg.norm(zone.faces, axis=1) * np.linalg.norm(along)
-    up, down = np.flatnonzero((lean > 0.0) & ~flat), np.flatnonzero((lean < 0.0) & ~flat)
-    share = lean[up, None, None] / (lean[up, None, None] - lean[down, None])
-    mixed = zone.faces[up, None] + share * (zone.faces[down] - zone.faces[up, None])
-    faces = np.concatenate([zone.faces[flat], mixed.reshape(-1, 3)])
-    faces -= np.outer(faces @ along, along) / (along @ along)
-    shadow = zone.matrix - np.outer(along, along @ zone.matrix) / (along @ along)
-    return (FACES, np.ascontiguousarray(shadow), faces) if len(faces) else None
-
-
-@lru_cache(maxsize=64)
-def floor_of(zone: Zone) -> float:
-    """Return a lower bound on all norms: 0, or -inf for half-spaces that some direction never leaves."""
-    if zone.shape != FACES:
-        return 0.0
-    from scipy.optimize import nnls  # a third of a second, for these alone
-
-    mixed = np.vstack([zone.faces.T, np.ones(len(zone.faces))])
-    return 0.0 if nnls(mixed, np.array([0.0, 0.0, 0.0, 1.0]))[1] <= 1e-12 else -np.inf
-
-
-@kernel()
-def along_track(matrix):
-    """Return the direction of the track in zone coordinates, and its squared length there."""
-    x, y, z = matrix[0, 1], matrix[1, 1], matrix[2, 1]
-    return (x, y, z), x * x + y * y + z * z
-
-
-@kernel()
-def is_shadow(shadow):
-    """Return True if a form is a shadow along the track; for half-spaces it may be the zone itself."""
-    return shadow[0] != FACES or along_track(shadow[1])[1] == 0.0
 
 
 @kernel()
@@ -264,7 +208,7 @@ def limit_downhill(one, two, cell, slow, far, n, form, shadow, room, best):
     return best
 
 
-@kernel()
+@kernel(inline=True)
 def stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room):
     """Return True if the region ahead of a cell's ellipses is clear for one orbit, and so for good.
 
@@ -293,23 +237,19 @@ def stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, roo
 def is_clear(one, two, cell, low, high, off, slow, n, form, scale, shadow, target, rest, room):
     """Return True if one orbit shows that a cell is clear for good as it drifts."""
     (x, y, z), _ = along_track(form[1])
-    way = 0.0
-    if low >= -slow:
-        way = 1.0
-    elif high <= slow:
-        way = -1.0
-    if way != 0.0:
-        away = (way * x, way * y, way * z, 0.0, 0.0)
-        return stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room)
-    if not is_shadow(shadow):
-        return False
-    if parameter_count(one) + parameter_count(two) <= 1:
-        turn = cell[FROM] + 2.0 * pi / n
-        return march(one, two, cell, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]
-    for way in (1.0, -1.0):  # those that drift forward, and those backward
-        away = (way * x, way * y, way * z, way, off)
-        if not stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room):
+    forward, backward = high > slow, low < -slow
+    if forward and backward:
+        if not is_shadow(shadow):
             return False
+        if parameter_count(one) + parameter_count(two) <= 1:
+            turn = cell[FROM] + 2.0 * pi / n
+            return march(one, two, cell, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]
+    for way in (1.0, -1.0):  # those that drift forward, and those backward
+        if forward if way > 0.0 else backward:
+            only = way if forward and backward else 0.0
+            away = (way * x, way * y, way * z, only, abs(only) * off)
+            if not stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room):
+                return False
     return True
 
 
@@ -377,3 +317,51 @@ def search_tail(one, two, top, far, n, form, scale, shadow, floor, certain, room
             parts += cell[FROM] < far
         top = parts
     return best, when, certain
+
+
+@kernel()
+def continue_pair(one, two, end, n, form, scale, certain, most, shadow, floor, far, room, result):
+    """Update the columns of the current pair, as `continue_failures`."""
+    when, ratio, known = result[TIME], min(result[RATIO], most), result[ACCURACY]
+    begin = max(one.arcs[one.now[FIRST], START], two.arcs[two.now[FIRST], START])
+    if begin > end or ratio == -inf or (certain == 0.0 and when == when):
+        return
+    for c in range(room.point.shape[1]):
+        room.point[1, c] = result[FAILURE + c]
+    top = fill_cells(one, two, end, n, room.cells)
+    ratio, later, late = search_tail(one, two, top, far, n, form, scale, shadow, floor, certain, room, ratio)
+    if later == -inf:
+        ratio, when = -inf, 2.0 * len(room.cells)
+    elif later == later:
+        when = later
+    store_result(one, two, ratio, when, max(known, late), end, n, form, floor, room, result)
+
+
+@kernel(
+    void(
+        *[SIDE_TYPE] * 2,
+        *[int64[::1]] * 2,
+        float64[::1],
+        float64,
+        FORM,
+        *[float64] * 3,
+        FORM,
+        *[float64] * 2,
+        ROOM_TYPE,
+        float64[:, ::1],
+    )
+)
+def continue_failures(
+    one, two, first, second, ends, n, form, scale, certain, most, shadow, floor, far, room, out
+):
+    """Continue the drifts of `worst_failures` from their ends to the time `far`, and update `out`.
+
+    Norms in the shadow have the time inf.
+    """
+    one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    shadow = shadow[0], borrowed(shadow[1]), borrowed(shadow[2])
+    for p in range(len(first)):
+        choose(one, first[p])
+        choose(two, second[p])
+        continue_pair(one, two, ends[p], n, form, scale, certain, most, shadow, floor, far, room, out[p])

@@ -119,7 +119,7 @@ def note(room, cell):
         room.point[1, c] = cell[c]
 
 
-@kernel(inline=True)
+@kernel()
 def glance(one, two, cell, end, n, form, room, best):
     """Estimate the minimum norm of the span of a cell at times GLANCE apart, if below `best`.
 

@@ -16,11 +16,19 @@ from closeform.motion.arc import END, START
 from closeform.motion.arc import PUSH as ARC_PUSH
 from closeform.motion.arc import STATE as ARC_STATE
 from closeform.motion.arc import THRUST as ARC_THRUST
-from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, cut, value_at, weights
+from closeform.motion.chief.bernstein import (
+    DEEPEST,
+    SQUARE,
+    TERMS,
+    highest,
+    keep_piece,
+    value_at,
+    weights,
+)
 from closeform.motion.chief.clock import RATE, angle_at, pace, time_at
 from closeform.motion.chief.table import COLUMNS, COSTATE, PUSH
-from closeform.motion.effort import GAUSS, KRONROD, NODES
 from closeform.motion.linear import solve
+from closeform.motion.quadrature import integral
 
 BEGIN, FINISH, FIRST, LAST, WINDOW, ORIGIN, COLUMN = 0, 1, 2, 3, 4, 5, 6
 SEGMENT = COLUMN + COLUMNS  # floats of a segment
@@ -337,84 +345,15 @@ def thrusts_at_all(row):
 
 
 @kernel()
-def squared(c, f):
-    """Fill `f` (SQUARE,) with the coefficients of |c|^2."""
-    for j in range(SQUARE):
-        f[j] = 0.0
-    for i in range(TERMS):
-        x, y, z = c[0, i], c[1, i], c[2, i]
-        f[2 * i] += PRODUCT[i, i] * (x * x + y * y + z * z)
-        x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
-        for j in range(i + 1, TERMS):
-            f[i + j] += PRODUCT[i, j] * (x * c[0, j] + y * c[1, j] + z * c[2, j])
-
-
-DEEPEST = 40  # halvings of an interval of quadrature: near a zero of the thrust its norm has a kink
-
-
-@kernel()
-def sampled(clock, c, origin, length, s, power):
+def sampled(scene, s):
     """Return |thrust|^power dt/ds at an angle."""
+    clock, c, origin, length, power = scene
     u = (s - origin) / length
     total = 0.0
     for axis in range(3):
         value = value_at(c[axis], TERMS, u)[0]
         total += value * value
     return (total if power == 2 else sqrt(total)) * pace(clock, s)
-
-
-@kernel()
-def integral(clock, c, origin, length, first, last, power):
-    """Integrate |thrust|^power over a segment by adaptive Gauss-Kronrod quadrature, to a relative 1e-11."""
-    lefts, depths = np.empty(DEEPEST + 2), np.empty(DEEPEST + 2)
-    lefts[0], depths[0] = 0.0, 0.0
-    top, total, scale = 1, 0.0, 0.0
-    while top > 0:
-        top -= 1
-        left, depth = lefts[top], depths[top]
-        half = 0.5 * (last - first) * 0.5**depth
-        middle = first + left * (last - first) + half
-        fine, coarse = 0.0, 0.0
-        for k in range(8):
-            f = sampled(clock, c, origin, length, middle - half * NODES[k], power)
-            if k < 7:
-                f += sampled(clock, c, origin, length, middle + half * NODES[k], power)
-            fine += KRONROD[k] * f
-            coarse += GAUSS[k] * f
-        if depth == 0.0:
-            scale = half * fine
-        if depth >= DEEPEST or half * abs(fine - coarse) <= 1e-11 * scale:
-            total += half * fine
-        else:
-            lefts[top], depths[top] = left, depth + 1.0
-            lefts[top + 1], depths[top + 1] = left + 0.5 ** (depth + 1.0), depth + 1.0
-            top += 2
-    return total
-
-
-@kernel()
-def highest(f, left, low, high):
-    """Return the maximum over [low, high] of a polynomial `f` (SQUARE,), to a relative 1e-10; spoils `f`."""
-    if high < 1.0:
-        cut(f, SQUARE, high, left)
-        f[:] = left
-    if low > 0.0:
-        cut(f, SQUARE, low / high, left)
-    best, depth = max(f[0], f[SQUARE - 1]), 0
-    stack = np.empty((DEEPEST + 1, SQUARE))
-    stack[0] = f
-    while depth >= 0:
-        piece = stack[depth]
-        most = 0.0
-        for j in range(SQUARE):
-            most = max(most, piece[j])
-        if most <= best * (1.0 + 1e-10) or depth == DEEPEST:
-            depth -= 1
-            continue
-        cut(piece, SQUARE, 0.5, stack[depth + 1])
-        best = max(best, piece[0])
-        depth += 1
-    return best
 
 
 ENERGY, DELTA_V, PEAK = 0, 1, 2
@@ -425,7 +364,7 @@ def totals(table, segments, firsts, what, out):
     """Fill `out` with energy, delta-v or peak thrust of each path, without impulses."""
     clock, joints, turn, rows, steps = table
     rate = clock[RATE]
-    c, f, left = np.empty((3, TERMS)), np.empty(SQUARE), np.empty(SQUARE)
+    c, left, stack = np.empty((3, TERMS)), np.empty(TERMS), np.empty((DEEPEST, SQUARE))
     for p in range(len(firsts) - 1):
         total = 0.0
         for q in range(firsts[p], firsts[p + 1]):
@@ -435,15 +374,16 @@ def totals(table, segments, firsts, what, out):
             k = int(row[WINDOW])
             thrust_polynomial(rows, row, c)
             length = joints[k + 1] - joints[k]
-            if what == ENERGY:
-                total += 0.5 * integral(clock, c, row[ORIGIN], length, row[FIRST], row[LAST], 2)
-            elif what == DELTA_V:
-                total += integral(clock, c, row[ORIGIN], length, row[FIRST], row[LAST], 1)
+            if what != PEAK:
+                power = 2 if what == ENERGY else 1
+                scene = clock, c, row[ORIGIN], length, power
+                total += integral(sampled, scene, row[FIRST], row[LAST]) / power
             else:
-                squared(c, f)
                 low, high = (
                     share(joints, k, row[ORIGIN], row[FIRST]),
                     share(joints, k, row[ORIGIN], row[LAST]),
                 )
-                total = max(total, sqrt(highest(f, left, low, high)))
+                for axis in range(3):
+                    keep_piece(c[axis], low, high, left)
+                total = highest(c, stack, total)
         out[p] = total * (rate**3 if what == ENERGY else (rate if what == DELTA_V else rate**2))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.motion.quadrature import GAUSS, KRONROD, NODES
 from closeform.uncertainty.collision.entry_rate import surface_integrals
 from closeform.uncertainty.collision.sampled_trajectories import CORES, SampledTrajectories
 
@@ -26,21 +27,9 @@ SURE = 6.0  # deviations: a closer approach must have some rate of entries
 FADED = 10.0  # deviations, in squares, beyond those of the largest rate: rates are 1e-21 of it
 QUARTERS = np.array([0.125, 0.375, 0.625, 0.875])  # initial samples of a piece of time
 CHECKED = 24  # times at which a rate is compared with one from more nodes
-# 7-point Gauss and 15-point Kronrod rules (Piessens and others, QUADPACK, 1983)
-_PLACES = (
-    *(0.991455371120812639206854697526, 0.949107912342758524526189684048, 0.864864423359769072789712788641),
-    *(0.741531185599394439863864773281, 0.586087235467691130294144691693, 0.405845151377397166906606412077),
-    *(0.207784955007898467600689403773, 0.0),
-)
-_WEIGHTS = (
-    *(0.022935322010529224963732008059, 0.063092092629978553290700663189, 0.104790010322250183839876322542),
-    *(0.140653259715525918745189590510, 0.169004726639267902826583426599, 0.190350578064785409913256402421),
-    *(0.204432940075298892414161999235, 0.209482141084727828012999174892),
-)
-PLACES = np.array([*(-p for p in _PLACES[:-1]), *_PLACES[::-1]])
-WEIGHTS = np.array([*_WEIGHTS[:-1], *_WEIGHTS[::-1]])
-LESS = np.zeros(15)
-LESS[1::2] = np.polynomial.legendre.leggauss(7)[1]
+# 7-point Gauss and 15-point Kronrod rules
+PLACES = np.array([*(-p for p in NODES[:-1]), *NODES[::-1]])
+WEIGHTS, LESS = (np.array([*half[:-1], *half[::-1]]) for half in (KRONROD, GAUSS))
 ROUNDS = 48
 ROUGH = 3.0  # times the tolerance: a piece with a smaller relative error is not divided
 PIECES = 4000  # maximum number of pieces

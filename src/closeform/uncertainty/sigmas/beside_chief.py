@@ -24,6 +24,7 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
+from closeform.conflicts.two_paths import each_pair
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
 from closeform.motion.chief.bernstein import TERMS, keep_piece, value_at
 from closeform.motion.chief.clock import times_at
@@ -285,9 +286,9 @@ def least_of_all(
 ) -> Floats:
     """Return the time and the sigma level (P, 2) of pairs; nan and inf if no error leads into the zone."""
     found = np.empty((len(first), 2))
-    for row, (one, two) in zip(found, zip(first, second, strict=True), strict=True):
-        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
-        pair = PairTube(mine, its, zone, errors[one], others[two])
+    pairs = zip(each_pair(path, other, first, second), first, second, strict=True)
+    for row, (paths, one, two) in zip(found, pairs, strict=True):
+        pair = PairTube(*paths, zone, errors[one], others[two])
         at, row[1] = pair.least(-1.0)
         row[0] = pair.times(np.array(at)) if np.isfinite(at) else nan
     return found
@@ -305,8 +306,7 @@ def conflicts_of_all(
 ) -> tuple[Any, Floats]:
     """Return the pairs (M, 2) and rows (M, 4) of the conflicts of pairs at k sigmas, as `conflicts_of`."""
     index, rows = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 4))]
-    for one, two in zip(first, second, strict=True):
-        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
+    for (mine, its), one, two in zip(each_pair(path, other, first, second), first, second, strict=True):
         if max(mine.start, its.start) <= min(mine.end, its.end):
             rows.append(PairTube(mine, its, zone, errors[one], others[two]).conflicts(k))
             index.append(np.tile(np.array([one, two], dtype=np.int64), (len(rows[-1]), 1)))
