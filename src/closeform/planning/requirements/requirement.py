@@ -65,13 +65,13 @@ class Requirement(ABC):
         Parameters
         ----------
         path : Path
-            Coasts, impulses and burns of constant thrust of one spacecraft.
+            Coasts, impulses, burns and arcs of minimum energy of one spacecraft.
 
         Returns
         -------
         bool
-            False also where the path touches the surface so closely that rounding decides.  Thrust that
-            varies along an arc, as of thrusters in inertial axes, is judged at samples, without a proof.
+            False also where the path touches the surface so closely that rounding decides.  Thrust of
+            thrusters in inertial axes is judged at samples, without a proof.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class StateRequirement(Requirement):
     def _holds(self, path: Path) -> bool:
         """Return `holds` of a path."""
         arcs = of_one_craft(path).arcs
-        if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
+        if arcs[:, PUSH + 3 :].any():
             return self._worst(path).margin >= 0.0
         arcs, spans = self._spans(path)
         if not len(arcs):
@@ -251,19 +251,34 @@ def on_arcs(path: Path, arcs: Floats, times: Floats) -> Floats:
 
 
 def bounds(path: Path, arcs: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (A,) on the acceleration [m/s^2] and the jerk [m/s^3] of coasts and burns.
+    """Return bounds (A,) on the acceleration [m/s^2] and the jerk [m/s^3] of coasts, burns and optimal arcs.
 
-    Velocity and acceleration of an arc with constant push are themselves a natural motion.
+    Velocity and acceleration of an arc with constant push are themselves a natural motion.  Optimal thrust is
+    one too, and its rate pushes them: a unit change of the acceleration grows to less than 8, and changes the
+    jerk by less than 5 n.
     """
     n = path.orbit.mean_motion
-    x, z = arcs[:, STATE], arcs[:, STATE + 2]
-    v, push = arcs[:, STATE + 3 : STATE + 6], arcs[:, PUSH : PUSH + 3]
-    hill = np.stack([3.0 * n * n * x + 2.0 * n * v[:, 1], -2.0 * n * v[:, 0], -n * n * z], axis=1)
-    a = hill + push
+    speeds = arcs[:, STATE + 3 : STATE + 6]
+    accelerations = hill(n, arcs[:, STATE : STATE + 3], speeds) + arcs[:, PUSH : PUSH + 3]
+    accelerations += arcs[:, THRUST : THRUST + 3]
+    bend, jerk = rates(n, speeds, accelerations)
+    pushed = rates(n, arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : THRUST + 6])[0]
+    grown = pushed * (arcs[:, END] - arcs[:, START])
+    return bend + 8.0 * grown, jerk + pushed + 5.0 * n * grown
+
+
+def hill(n: float, places: Floats, speeds: Floats) -> Floats:
+    """Return the accelerations (A, 3) of natural motion."""
+    x, z = places[:, 0], places[:, 2]
+    return np.stack([3.0 * n * n * x + 2.0 * n * speeds[:, 1], -2.0 * n * speeds[:, 0], -n * n * z], axis=1)
+
+
+def rates(n: float, places: Floats, speeds: Floats) -> tuple[Floats, Floats]:
+    """Return bounds (A,) on the speeds and accelerations of natural motions from places and speeds (A, 3)."""
     if n == 0.0:
-        return np.linalg.norm(a, axis=1), np.zeros(len(arcs))
-    radial = np.hypot(3.0 * v[:, 0] + 2.0 * a[:, 1] / n, a[:, 0] / n)
-    across = np.hypot(v[:, 2], a[:, 2] / n)
+        return np.linalg.norm(speeds, axis=1), np.zeros(len(speeds))
+    radial = np.hypot(3.0 * places[:, 0] + 2.0 * speeds[:, 1] / n, speeds[:, 0] / n)
+    across = np.hypot(places[:, 2], speeds[:, 2] / n)
     swing = np.sqrt(4.0 * radial**2 + across**2)
-    drift = np.abs(6.0 * n * v[:, 0] + 3.0 * a[:, 1])
+    drift = np.abs(6.0 * n * places[:, 0] + 3.0 * speeds[:, 1])
     return drift + n * swing, n * n * swing
