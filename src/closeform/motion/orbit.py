@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, instance, number, positive, shown, size
-from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
@@ -360,21 +360,30 @@ class Orbit(CircularOrbit, ReferenceOrbit):
         return self.mean_motion
 
     def _bends(self, arcs: Floats) -> tuple[Floats, Floats]:
-        """Return bounds (A,) on acceleration [m/s^2] and jerk [m/s^3] of coasts and burns, arcs (A, 30).
+        """Return bounds (A,) on acceleration [m/s^2] and jerk [m/s^3] of coasts, burns and optimal arcs.
 
-        Velocity and acceleration of an arc with constant push are themselves a natural motion.
+        Velocity and acceleration of an arc with constant push are themselves a natural motion.  Optimal
+        thrust is one too, and its rate pushes them: a unit change of the acceleration grows to less than 8,
+        and changes the jerk by less than 5 n.
         """
         n = self.mean_motion
-        x, z = arcs[:, STATE], arcs[:, STATE + 2]
-        v, push = arcs[:, STATE + 3 : STATE + 6], arcs[:, PUSH : PUSH + 3]
-        hill = np.stack([3.0 * n * n * x + 2.0 * n * v[:, 1], -2.0 * n * v[:, 0], -n * n * z], axis=1)
-        a = hill + push
+        x, z, speeds = arcs[:, STATE], arcs[:, STATE + 2], arcs[:, STATE + 3 : STATE + 6]
+        natural = [3.0 * n * n * x + 2.0 * n * speeds[:, 1], -2.0 * n * speeds[:, 0], -n * n * z]
+        accelerations = np.stack(natural, axis=1) + arcs[:, PUSH : PUSH + 3] + arcs[:, THRUST : THRUST + 3]
+        bend, jerk = self._largest_rates(speeds, accelerations)
+        pushed = self._largest_rates(arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : THRUST + 6])[0]
+        grown = pushed * (arcs[:, END] - arcs[:, START])
+        return bend + 8.0 * grown, jerk + pushed + 5.0 * n * grown
+
+    def _largest_rates(self, places: Floats, speeds: Floats) -> tuple[Floats, Floats]:
+        """Return bounds (A,) on speeds and accelerations of natural motions from places and speeds (A, 3)."""
+        n = self.mean_motion
         if n == 0.0:
-            return np.linalg.norm(a, axis=1), np.zeros(len(arcs))
-        radial = np.hypot(3.0 * v[:, 0] + 2.0 * a[:, 1] / n, a[:, 0] / n)
-        across = np.hypot(v[:, 2], a[:, 2] / n)
+            return np.linalg.norm(speeds, axis=1), np.zeros(len(speeds))
+        radial = np.hypot(3.0 * places[:, 0] + 2.0 * speeds[:, 1] / n, speeds[:, 0] / n)
+        across = np.hypot(places[:, 2], speeds[:, 2] / n)
         swing = np.sqrt(4.0 * radial**2 + across**2)
-        drift = np.abs(6.0 * n * v[:, 0] + 3.0 * a[:, 1])
+        drift = np.abs(6.0 * n * places[:, 0] + 3.0 * speeds[:, 1])
         return drift + n * swing, n * n * swing
 
     def _interpolates(self, arcs: Floats) -> Any:

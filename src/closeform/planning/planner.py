@@ -75,6 +75,10 @@ def attempt(request: Request, more: bool = False) -> Plan:
     )
     if request.cost == "delta-v":
         return of_least_delta_v(plan, problem, request, more, kept)
+    if request.requirements:
+        kept = None  # clear paths may not keep them
+        if reason := end_outside(problem, request):
+            return replace(plan, status=Status.END_OUTSIDE, reason=reason)
     if kept is not None:
         return unchanged(plan, kept)
     if none := infeasible_end(problem, request):
@@ -84,6 +88,11 @@ def attempt(request: Request, more: bool = False) -> Plan:
         found = deviated(problem, request.names)
     elif request.method == "sequential":
         found = one_by_one(problem, request.order or range(problem.count), request.budget, more)
+    elif request.requirements:
+        from closeform.planning.restricted_energy import solve_restricted  # needs kernels of its own
+
+        found, bound = solve_restricted(problem, request.budget, more)
+        plan = replace(plan, lower_bound=bound)
     elif request.method == "distributed":
         found = by_messages(problem, request.order or range(problem.count), request.budget)
     else:
@@ -98,10 +107,10 @@ def attempt(request: Request, more: bool = False) -> Plan:
             found = joined(problem, alone, found)
     if found.trajectories is None:
         return not_found(plan, request, problem, found)
-    if found.priced and not found.contacts:
+    if found.priced and not found.contacts and not request.requirements:
         return unchanged(plan, problem.path(found.trajectories))
     # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
-    zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
+    zone = 1.0 / max((np.abs(one.matrix).max() for one in problem.zones), default=1.0)
     if found.extra > TOO_DEAR * (least + 6.0 * zone**2 / (problem.arrival - problem.first) ** 3):
         reason = f"the cheapest of {examined(found)} costs {found.extra:.3g} m²/s³ more"
         return replace(plan, tried=found.tried, reason=f"{reason}; allow a longer transfer")
@@ -418,6 +427,9 @@ def bounded(request: Request, plan: Plan) -> Plan:
         return plan
     if plan.cost == "delta-v":
         return bounded_delta_v(request, plan) if request.proof_time and not plan.proven else plan
+    if request.requirements:
+        reason = f"{plan.reason}, {closeness(plan.energy, plan.lower_bound)}"
+        return replace(plan, proven=is_proven(plan.energy, plan.lower_bound), reason=reason)
     problem, fixed = request.problem(), request.limits is not None
     spent = plan.extra_energy, plan.energy
     proof = prove_bound(problem, plan.contacts, *spent, request.proof_time, gap=request.gap, fixed=fixed)

@@ -1,8 +1,7 @@
 """Checks of impulsive paths: conflicts with thrust, and after a loss of thrust."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,29 +77,6 @@ class Spent:
     def fired(self, share: float) -> list[Moments]:
         """Return the moments of each craft at which it fires more than a `share` of the delta-v."""
         return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
-
-
-class Failures(Protocol):
-    """Conditions for a loss of thrust, for plans that are to be passively safe."""
-
-    holding: bool  # keep active planes although paths have left them
-
-    def checked(self, trajectories: Trajectories, known: Contacts) -> Checked:
-        """Return conflicts of paths and close approaches of failed craft, also from `known` contacts."""
-
-    def starts(self, margin: float = ...) -> Iterator[Contacts]:
-        """Yield contacts of other safe plans as starts, for zones enlarged by a margin."""
-
-    def merged(
-        self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
-    ) -> Contacts:
-        """Return the contacts for fewer moments `after`, each of which replaces those of `before` near it."""
-
-    def touching(self, trajectories: Trajectories, contacts: Contacts) -> tuple[Contacts, bool]:
-        """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
-
-    def brief(self, trajectories: Trajectories) -> Trajectories:
-        """Return the paths with impulses as brief burns, during which thrust may be lost."""
 
 
 def arrive(problem: Problem, trajectories: Trajectories, finals: Floats) -> bool:

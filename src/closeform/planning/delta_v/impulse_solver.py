@@ -8,10 +8,12 @@ times. Each thruster has moments of its own: a time and its direction.          
 6
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, inf, pi
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
 from closeform.motion.minimum_delta_v.nonnegative import MOST
 from closeform.motion.minimum_delta_v.reduced import COUNT, LOWER
 from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
-from closeform.planning.delta_v.checks import Checked, Failures, Spent, arrive, drifting, pushing
+from closeform.planning.delta_v.checks import Checked, Spent, arrive, drifting, pushing
 from closeform.planning.delta_v.dual.dual_program import price
 from closeform.planning.delta_v.dual.fleet import Dual, Fleet, Planes, Priced
 from closeform.planning.delta_v.dual.impulse_paths import fill_trajectories, keep_fewest
@@ -35,6 +37,9 @@ from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
 from closeform.planning.problem.problem import Closest, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
+
+if TYPE_CHECKING:
+    from closeform.planning.delta_v.thrust_loss import ImpulseFailures
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
@@ -83,7 +88,7 @@ class ImpulseSolver:
         problem: Problem,
         thrusters: Sequence[Thrusters | None],
         names: Sequence[str],
-        failures: Failures | None = None,
+        failures: ImpulseFailures | None = None,
     ) -> None:
         self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
         self.pushes = Pushes.of(thrusters, problem.orbit._rate)

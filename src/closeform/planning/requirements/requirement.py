@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
-from closeform.motion.arc import END, PUSH, START, THRUST
+from closeform.motion.arc import END, PUSH, START
 from closeform.motion.path import Path, of_one_craft, path_of
 
 SAMPLES = 16  # intervals of an arc, and of an interval that is refined
@@ -65,13 +65,13 @@ class Requirement(ABC):
         Parameters
         ----------
         path : Path
-            Coasts, impulses and burns of constant thrust of one spacecraft.
+            Coasts, impulses, burns and arcs of minimum energy of one spacecraft.
 
         Returns
         -------
         bool
-            False also where the path touches the surface so closely that rounding decides.  Thrust that
-            varies along an arc, as of thrusters in inertial axes, is judged at samples, without a proof.
+            False also where the path touches the surface so closely that rounding decides.  Thrust of
+            thrusters in inertial axes is judged at samples, without a proof.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class StateRequirement(Requirement):
     def _holds(self, path: Path) -> bool:
         """Return `holds` of a path."""
         arcs = of_one_craft(path).arcs
-        if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
+        if arcs[:, PUSH + 3 :].any():
             return self._worst(path).margin >= 0.0
         arcs, spans = self._spans(path)
         if not len(arcs):
