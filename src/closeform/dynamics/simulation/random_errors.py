@@ -108,7 +108,7 @@ class ErrorSampler:
     def _of_craft(
         self, seed: int, craft: int, commands: Commands, events: ErrorEvents, leg: int
     ) -> tuple[Floats, Floats, Floats]:
-        """Return the errors of the initial state (6,), of burns and impulses (E, 4), and noise (K or 0, 6)."""
+        """Return errors of the initial state (6,), of burns and impulses (E, 4), and noise (K or 0, 6)."""
         assert self.errors is not None
         one, stream = self.errors[craft], partial(_stream, seed, craft)
         start = one._root @ stream(INITIAL, leg).normal(size=6)
