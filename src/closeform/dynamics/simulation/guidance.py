@@ -38,6 +38,7 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path
 
 Span = tuple[float, float]
+MOST_STEPS = 2_000_000  # steps of all spacecraft that are simulated together, of about 200 bytes each
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +160,13 @@ class Guidance:
             known = self.believed._of(rest) if self.cancel else None
             changed = self.impulses.impulse[np.isin(self.impulses.craft, rest)]
             plan = self.paths[rest], law, known, ballistics[rest], engines.among(rest)
-            yield rest, commands(*plan, impulses=changed, reference=self.retargeted[rest])
+            every = commands(*plan, impulses=changed, reference=self.retargeted[rest])
+            size = max(MOST_STEPS // len(every.grid.rows), 1)
+            if size >= len(rest):
+                yield rest, every
+                return
+            for k in range(0, len(rest), size):
+                yield rest[k : k + size], every.among(range(len(rest))[k : k + size])
 
     def _output_times(self, rest: list[int], law: Feedback | None, lost: Floats) -> Floats:
         """Return the times at which all spacecraft have outputs, and those without thrusters changes."""
