@@ -65,21 +65,20 @@ def fire_plan(
     The impulses are changed for the field. Spacecraft that coast, or are held on coasts under feedback by a
     `law`, fire nothing. Along axes without a thruster the model error is not compensated.
     """
-    spans, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
-    firing = shooters(thrusters)
-    bounds = np.concatenate([spans.bounds, *(own.starts[1:] for own in thrusters if own is not None)])
+    every, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
+    bounds = np.concatenate([every.bounds, *(own.starts[1:] for own in thrusters if own is not None)])
     steady = _compensated(paths, field, bounds, thrusters)
-    for k in firing:
-        one, own, arcs = paths[k], spans.among([k]), paths[k].arcs.copy()
-        fitted = thrusters[k]
-        assert fitted is not None
+    for k, own in enumerate(thrusters):
+        if own is None:
+            continue
+        one, spans, arcs = paths[k], every.among([k]), paths[k].arcs.copy()
         mine, planned = impulses.craft == k, impulses.planned[impulses.craft == k]
-        axes = controllable_in_stages(fitted, impulses.time[mine], n)
+        axes = controllable_in_stages(own, impulses.time[mine], n)
         changed = np.einsum("tij,tj->ti", axes, impulses.impulse[mine] - planned)
         arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
         if one.delta_v:
             by_thrust, compensated = (
-                own.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
+                spans.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
             )
             arcs = np.concatenate([arcs[~by_thrust], steady[k][compensated]])
             arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
@@ -110,14 +109,18 @@ def _fire_in_stages(paths: Path, thrusters: Sequence[ThrusterStages]) -> Thruste
         arcs, begin = list[Floats](), ends_of(paths[k])[0]
         for piece, used in own.pieces(paths[k]):
             if used is not None:
-                fired = fire_thrusters(stack([piece]), used)
-                early, late = fired.path.start[0] < piece.start, fired.path.end[0] > piece.end
+                try:
+                    fired = fire_thrusters(piece, used)
+                except ValueError as error:
+                    name, _, words = str(error).partition(": ")
+                    raise ValueError(f"{name}: craft {k}: {words}") from None
+                early, late = fired.path.start < piece.start, fired.path.end > piece.end
                 if (early and piece.start > paths[k].start) or (late and piece.end < paths[k].end):
                     raise ValueError(
                         f"thrusters: craft {k}: burns last beyond a change of thrusters, at "
                         f"{piece.start:g} or {piece.end:g} s; plan a longer coast there"
                     )
-                piece = fired.path[0]
+                piece = fired.path
                 pulses.append(replace(fired.pulses, craft=np.full(len(fired.pulses), k)))
                 dropped.append(replace(fired.dropped, craft=np.full(len(fired.dropped), k)))
             if not arcs:
