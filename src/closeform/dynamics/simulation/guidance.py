@@ -141,25 +141,24 @@ class Guidance:
         return np.asarray(np.linalg.norm(off, axis=2).max(axis=1))
 
     def commands(
-        self, law: Feedback | None, field: Field, engines: Engines, span: Span | None = None
+        self, law: Feedback | None, engines: Engines, span: Span | None = None
     ) -> Iterator[tuple[list[int], Commands]]:
-        """Yield the spacecraft that share a time grid, by index, and their commands in a field.
+        """Yield the spacecraft that share a time grid, by index, and their commands.
 
         Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
         """
-        ballistics = field._ballistics(len(self.paths))
         rest = [k for k in range(len(self.paths)) if k not in self._models]
         outputs = np.zeros(0) if span is not None else self._output_times(rest, law, engines.lost)
         pulsed = self.firing is not None
         commands = partial(Commands.of, pulsed=pulsed, span=span, outputs=outputs)
         for k, (path, model) in self._models.items():
             target = self.reference[[k]] if law is not None else None
-            own = path, law, None, ballistics[[k]], engines.among([k])
+            own = path, law, None, engines.among([k])
             yield [k], commands(*own, reference=target, thrusters=model)
         if rest:
             known = self.believed._of(rest) if self.cancel else None
             changed = self.impulses.impulse[np.isin(self.impulses.craft, rest)]
-            plan = self.paths[rest], law, known, ballistics[rest], engines.among(rest)
+            plan = self.paths[rest], law, known, engines.among(rest)
             every = commands(*plan, impulses=changed, reference=self.retargeted[rest])
             size = max(MOST_STEPS // len(every.grid.rows), 1)
             if size >= len(rest):
@@ -195,12 +194,12 @@ class Guidance:
         A leg covers a `span`, from states `begin` (N, 6), or from the start of the plan.
         """
         parts, craft = list[Trajectories](), list[int]()
-        for which, commands in self.commands(law, field, engines, span):
+        for which, commands in self.commands(law, engines, span):
             errors = SampledErrors.none(len(which), commands.grid.measurement_count)
             if sampler is not None and measured is not None:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
-            done = propagate(commands, field, errors, own)
+            done = propagate(commands, field._of(which), errors, own)
             if commands.thrusters is None and parts:  # only the orders of thrusters are kept
                 shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
                 done = replace(done, fired=np.zeros(shape))

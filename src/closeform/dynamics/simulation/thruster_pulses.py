@@ -246,8 +246,7 @@ class PulsedReference(NamedTuple):
 
         Each span of pulses starts from the planned state. Without feedback there is one span.
         """
-        own = fired, law, None, field._ballistics(1)
-        commands = Commands.of(*own, thrusters=model, pulsed=True, outputs=np.zeros(0))
+        commands = Commands.of(fired, law, None, thrusters=model, pulsed=True, outputs=np.zeros(0))
         grid, frame, missed = commands.grid, commands.frame_in(field), []
         states = plan.state(grid.output_times)
         arrivals = states.copy()
