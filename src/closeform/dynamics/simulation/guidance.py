@@ -30,7 +30,7 @@ from closeform.dynamics.simulation.commands import (
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retarget
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
 from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
-from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
+from closeform.dynamics.simulation.thruster_pulses import fire_plan, pulsed_reference, shooters
 from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.motion.arc import END, START
@@ -97,10 +97,10 @@ class Guidance:
         return found
 
     @cached_property
-    def _pulsed(self) -> dict[int, PulsedReference]:
-        """Reference of each spacecraft that fires pulses."""
+    def _pulsed(self) -> dict[int, tuple[Path, list[tuple[float, Floats]]]]:
+        """Reference of each spacecraft that fires pulses, and state errors at the starts of its coasts."""
         return {
-            k: PulsedReference.of(self.paths[k : k + 1], path, model, self.believed._of([k]), self.law)
+            k: pulsed_reference(self.paths[k : k + 1], path, model, self.believed._of([k]), self.law)
             for k, (path, model) in self._models.items()
             if len(model.pulses)
         }
@@ -113,7 +113,7 @@ class Guidance:
         """
         if not self._pulsed:
             return self.retargeted
-        pulsed = {k: one.path[0] for k, one in self._pulsed.items()}
+        pulsed = {k: path[0] for k, (path, _) in self._pulsed.items()}
         return stack([pulsed.get(k, self.retargeted[k]) for k in range(len(self.paths))])
 
     def pulses(self, span: Span) -> list[Pulses]:
@@ -128,7 +128,7 @@ class Guidance:
         """Spacecraft, time and state error (6,) at the end of each span of impulses or pulses."""
         for k, moves in enumerate(ThrustSpans.of(self.paths, self.law).impulsive):
             if k in self._pulsed:
-                yield from ((k, *one) for one in self._pulsed[k].missed)
+                yield from ((k, *one) for one in self._pulsed[k][1])
             elif self.cancel:
                 for end in moves[moves[:, 1] < self.paths.end[k] - SAME, 1]:
                     yield k, float(end), self.retargeted[k].state(end) - self.paths[k].state(end)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -229,39 +228,30 @@ def planned_delta_v(paths: Path, thrusters: Sequence[ThrusterStages | None], los
     return planned
 
 
-class PulsedReference(NamedTuple):
-    """Path of one spacecraft by its pulses, and by the plan on held coasts.
+def pulsed_reference(
+    plan: Path, fired: Path, model: ThrusterModel, field: Field, law: Feedback | None
+) -> tuple[Path, list[tuple[float, Floats]]]:
+    """Return the path of a plan (1,) that is `fired` (1,) in a field, and how held coasts begin off the plan.
 
-    `missed`: the time and the state error at the start of each held coast.
+    Each span of pulses starts from the planned state; without feedback there is one span. On coasts that
+    feedback holds the path is that of the plan; they begin at times [s] with state errors (6,).
     """
-
-    path: Path
-    missed: tuple[tuple[float, Floats], ...]
-
-    @classmethod
-    def of(
-        cls, plan: Path, fired: Path, model: ThrusterModel, field: Field, law: Feedback | None
-    ) -> PulsedReference:
-        """Return the reference of a plan (1,) that is `fired` (1,) in a field.
-
-        Each span of pulses starts from the planned state. Without feedback there is one span.
-        """
-        commands = Commands.of(fired, law, None, thrusters=model, pulsed=True, outputs=np.zeros(0))
-        grid, frame, missed = commands.grid, commands.frame_in(field), []
-        states = plan.state(grid.output_times)
-        arrivals = states.copy()
-        whole = np.array([[grid.nodes[0], grid.nodes[-1]]])
-        held = ThrustSpans.of(plan, law)
-        spans = whole if law is None else np.concatenate([held.impulsive[0], held.continuous[0]])
-        for first, last in _spans(grid, spans, model.pulses):
-            part, _, shown = commands.alone(first, last)
-            # a span that begins with an impulse starts before it
-            begin = plan.state(grid.nodes[first]) if first else None
-            during = frame.during(slice(2 * first, 2 * last + 1))
-            found = propagate(part, field, SampledErrors.none(1), begin, during)
-            missed.append((float(grid.nodes[last]), found.states[0, 0, -1] - states[0, shown[-1]]))
-            states[0, shown], arrivals[0, shown] = found.states[0, 0], found.arrivals[0, 0]
-        return cls(plan.orbit._through(grid.output_times, states, arrivals), tuple(missed))
+    commands = Commands.of(fired, law, None, thrusters=model, pulsed=True, outputs=np.zeros(0))
+    grid, frame, missed = commands.grid, commands.frame_in(field), list[tuple[float, Floats]]()
+    states = plan.state(grid.output_times)
+    arrivals = states.copy()
+    spans, held = np.array([[grid.nodes[0], grid.nodes[-1]]]), ThrustSpans.of(plan, law)
+    if law is not None:
+        spans = np.concatenate([held.impulsive[0], held.continuous[0]])
+    for first, last in _spans(grid, spans, model.pulses):
+        part, _, shown = commands.alone(first, last)
+        # a span that begins with an impulse starts before it
+        begin = plan.state(grid.nodes[first]) if first else None
+        during = frame.during(slice(2 * first, 2 * last + 1))
+        found = propagate(part, field, SampledErrors.none(1), begin, during)
+        missed.append((float(grid.nodes[last]), found.states[0, 0, -1] - states[0, shown[-1]]))
+        states[0, shown], arrivals[0, shown] = found.states[0, 0], found.arrivals[0, 0]
+    return plan.orbit._through(grid.output_times, states, arrivals), missed
 
 
 def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int]]:
