@@ -204,7 +204,7 @@ def tracking_margins(
     unknown = nonnegative("residual", of_each("residual", residual, count))
     if shooters.any():
         for k, stages in enumerate(own):
-            if stages is not None and lacks_axis(stages):
+            if stages is not None and any(map(lacks_axis, stages.thrusters)):
                 raise Infeasible(
                     f"thrusters: craft {k}: an axis without a thruster is not controlled, so that its drift "
                     "is not bounded; add a thruster, or give a margin in metres"

@@ -294,6 +294,6 @@ def controllable_in_stages(own: ThrusterStages, times: Floats, n: float) -> Floa
     return found
 
 
-def lacks_axis(own: ThrusterStages) -> bool:
-    """Return True if in any stage there is an axis along which no thruster acts in either direction."""
-    return any(np.linalg.matrix_rank(one.directions, tol=FLAT) < 3 for one in own.thrusters)
+def lacks_axis(thrusters: Thrusters) -> bool:
+    """Return True if there is an axis along which no thruster acts in either direction."""
+    return bool(np.linalg.matrix_rank(thrusters.directions, tol=FLAT) < 3)
