@@ -119,7 +119,7 @@ def fit_margin(
         As in `tracking_margins`.
     minimum_bit : float [m/s], default 0
         As in `tracking_margins`.
-    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
         As in `tracking_margins`.
     sigmas : float, no unit, default 4
         As in `tracking_margins`.

@@ -150,7 +150,7 @@ def tracking_margins(
         Uncertainty of each spacecraft, as in `simulate`.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit of feedback.
-    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
         Thrusters of all spacecraft, or of each that has some, as in `simulate`. The deviation of pulses from
         the plan is known, and the effect of the minimum bit is bounded.
     sigmas : float, no unit, default 4

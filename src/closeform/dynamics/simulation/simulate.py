@@ -91,7 +91,7 @@ def simulate(
         thrusters.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
-    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
         Thrusters of all spacecraft, or of each that has some. They fire the compensated plan, and feedback
         burns of at least one bit while they are not firing by plan. A dict has the sets that a spacecraft
         uses one after the other, by start time [s]; None for thrust without thrusters. They change while the
