@@ -677,6 +677,19 @@ def test_feedback_rejects_an_unknown_field():
     assert blind.greatest_end > 1e-3
 
 
+def test_spacecraft_that_do_not_fit_into_memory_at_once(monkeypatch):
+    """Simulated in parts, all move as together."""
+    start, final, duration = task(chief().orbit, 5, count=3, turns=0.3)
+    path, field = chief().orbit.two_impulse(start, final, duration), cf.Field(chief())
+    options = {"navigation": cf.Navigation(0.1, 3e-4), "zones": cf.Sphere(5.0), "seeds": 2}
+    together = cf.simulate(path, field, **options)
+    monkeypatch.setattr("closeform.dynamics.simulation.guidance.MOST_STEPS", 1)
+    parts = cf.simulate(path, field, **options)
+    assert parts.states == pytest.approx(together.states, abs=1e-9)
+    assert parts.delta_v == pytest.approx(together.delta_v, rel=1e-12)
+    assert parts.ratios == pytest.approx(together.ratios, rel=1e-12)
+
+
 def test_samples_do_not_depend_on_their_number():
     path, seen = formation(0.3), cf.Navigation(0.1, 3e-4)
     few, many = (

@@ -126,6 +126,9 @@ def test_free_thrust_before_thrusters():
             apart = (one.path(seed)[craft].position(before) for one in (mixed, alike))
             assert np.abs(np.subtract(*apart)).max() < 0.01  # m; other steps
     assert mixed.ends.max() < 5.0
+    weak = cf.Thrusters.rtn(acceleration=1e-6, minimum_bit=0.0)
+    with pytest.raises(ValueError, match="craft 1: "):  # which cannot fire its burns one after the other
+        cf.simulate(path, FIELD, thrusters=[own, {0.0: own, change: weak}])
     with pytest.raises(ValueError, match="thrusters: craft 0: change at 1 s, within a burn"):
         cf.simulate(swap("energy")[0], FIELD, thrusters=[{0.0: own, 1.0: None}, None])
 

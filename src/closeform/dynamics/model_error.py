@@ -187,16 +187,15 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
-    """Return the deviations (N, T, 6) due to accelerations (N, T, 3) at equal steps.
+    """Return the deviations (N, T, 6) due to accelerations (N, T, 3) at equal steps, an even number.
 
-    Simpson's rule at every other time, and cubic interpolation between.  # theory (83)
+    Simpson's rule, whose parabola gives both of its steps.  # theory (83)
     """
     since = times - times[0]
     back = applied(orbit.transition(-since)[:, :, 3:], left_out)
-    thirds = (back[:, :-2:2] + 4.0 * back[:, 1::2] + back[:, 2::2]) * (since[1] / 3.0)
-    off = np.zeros((*left_out.shape[:2], 6))
-    off[:, 2::2] = applied(orbit.transition(since[2::2]), np.cumsum(thirds, axis=1))
-    one, two, h = off[:, :-2:2], off[:, 2::2], since[2]
-    off[:, 1::2, :3] = 0.5 * (one + two)[..., :3] + h / 8.0 * (one - two)[..., 3:]
-    off[:, 1::2, 3:] = 1.5 / h * (two - one)[..., :3] - 0.25 * (one + two)[..., 3:]
+    one, two, three = back[:, :-2:2], back[:, 1::2], back[:, 2::2]
+    both = [5.0 * one + 8.0 * two - three, -one + 8.0 * two + 5.0 * three]
+    steps = np.stack(both, axis=2).reshape(len(back), -1, 6) * (since[1] / 12.0)
+    off = np.zeros_like(back)
+    off[:, 1:] = applied(orbit.transition(since[1:]), np.cumsum(steps, axis=1))
     return off

@@ -182,7 +182,7 @@ class SimulatedRun:
         off = flight.states[..., :3] - flight.planned.position(flight.times)
         each = ThrusterStages.of_each(self.arguments.get("thrusters"), followed(self.run.executed))
         for k, own in enumerate(each):
-            if own is not None and lacks_axis(own):
+            if own is not None and any(map(lacks_axis, own.thrusters)):
                 led = controllable_in_stages(own, flight.times, flight.orbit.mean_motion)
                 aside = off[:, k] - np.einsum("tij,stj->sti", led, off[:, k])
                 found[self.names[k]] = float(np.linalg.norm(aside, axis=-1).max())

@@ -30,9 +30,8 @@ class ChiefFrame(NamedTuple):
     @classmethod
     def of(cls, field: Field, times: Floats) -> ChiefFrame:
         """Return the frame of the chief in a field at given times (T,) [s]."""
-        ballistic, states = field._chief_ballistic, field.chief_states(times)
+        states, acceleration = field._chief_at(times)
         place, speed = states[:, :3], states[:, 3:]
-        acceleration = field.accelerations(times, states, ballistic)
         axes, r, climb, spin = turning_axes(states)
         h = spin * r**2
         push = np.einsum("tij,tj->ti", axes, acceleration)
@@ -43,7 +42,8 @@ class ChiefFrame(NamedTuple):
         for dt in (-BESIDE, BESIDE):
             there = np.hstack([place + dt * speed + 0.5 * dt * dt * acceleration, speed + dt * acceleration])
             normal = turning_axes(there)[0][:, 2]
-            across.append((normal * field.accelerations(times + dt, there, ballistic)).sum(axis=1))
+            pushed = field.accelerations(times + dt, there, field._chief_ballistic)
+            across.append((normal * pushed).sum(axis=1))
         push_rate = (across[1] - across[0]) / (2.0 * BESIDE)
         rate[:, 0] = (climb * push[:, 2] + r * push_rate) / h - turn[:, 0] * r * push[:, 1] / h
         return cls(times, states, acceleration, axes, turn, rate)

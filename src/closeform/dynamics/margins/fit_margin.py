@@ -119,7 +119,7 @@ def fit_margin(
         As in `tracking_margins`.
     minimum_bit : float [m/s], default 0
         As in `tracking_margins`.
-    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
         As in `tracking_margins`.
     sigmas : float, no unit, default 4
         As in `tracking_margins`.
@@ -223,7 +223,8 @@ def fit_margin(
         pairs, short = required_margins(found, bodies, pair_zones("zones", zones, craft, fixed), craft)
         rises = short > margin[tuple(pairs.T)]
         if not rises.any():
-            return FittedMargin(plan, found, margin, True, made, _fit_message(margin, made))
+            why = f"a margin of {margin.max():.3g} m fits, in {made} plan{'s' * (made > 1)}"
+            return FittedMargin(plan, found, margin, True, made, why)
         one, other = pairs[rises].T
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
     why = f"no margin fits after {made} plans, the last of {margin.max():.3g} m"
@@ -266,8 +267,3 @@ def _shortfall_message(found: TrackingMargins, peaks: Floats, craft: int, limits
     return (
         f"craft {craft} requires {required:.3g} m/s² with feedback, its limit is {limit:.3g} m/s²; {remedy}"
     )
-
-
-def _fit_message(margin: Floats, made: int) -> str:
-    """Return a message on the margin that fits."""
-    return f"a margin of {margin.max():.3g} m fits, in {made} plan{'s' * (made > 1)}"

@@ -22,7 +22,6 @@ from closeform.dynamics.model_error import deviations_of, residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.commands import SAME, ThrusterStages, ThrustSpans, burn_edges, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
-from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.random_errors import errors_of_each, thrust_errors
 from closeform.dynamics.simulation.thruster_pulses import lacks_axis, pulse_feedback
 from closeform.fuel.allocation import Allocation
@@ -151,7 +150,7 @@ def tracking_margins(
         Uncertainty of each spacecraft, as in `simulate`.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit of feedback.
-    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
         Thrusters of all spacecraft, or of each that has some, as in `simulate`. The deviation of pulses from
         the plan is known, and the effect of the minimum bit is bounded.
     sigmas : float, no unit, default 4
@@ -205,7 +204,7 @@ def tracking_margins(
     unknown = nonnegative("residual", of_each("residual", residual, count))
     if shooters.any():
         for k, stages in enumerate(own):
-            if stages is not None and lacks_axis(stages):
+            if stages is not None and any(map(lacks_axis, stages.thrusters)):
                 raise Infeasible(
                     f"thrusters: craft {k}: an axis without a thruster is not controlled, so that its drift "
                     "is not bounded; add a thruster, or give a margin in metres"
@@ -229,7 +228,7 @@ def tracking_margins(
             times = instants(paths, law)[0]
             found.append(_of_drifting(paths[some], field._of(some), times, of_group, many))
             continue
-        sets = [own[k] for k in some] if shooters[some[0]] else None
+        sets = [own[k] for k in some] if shooters[some[0]] else []
         tracked = TrackedPlan.of(paths[some], field._of(some), law, cancel, sets)
         found.append(_of_tracked(tracked, sight, of_group, least, many))
     return found[0] if len(found) == 1 else _together(found, np.argsort(np.concatenate(groups)))
@@ -290,24 +289,19 @@ def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
 class TrackedPlan:
     """Planned paths (N,) at T `times`, under feedback by a `loop`.
 
-    The impulses as fired, or the pulses of `thrusters` along `pulsed` paths, cause a known `offset` (N, T, 3)
-    [m] from the plan, and a `ripple` (N,) [m] between times. They miss the planned states at the ends of some
-    spans: `missed` are spacecraft, times and state errors, from which the following motion starts. Continuous
-    thrust is that of the plan plus the `compensation` (N, T, 3) [m/s^2] of the model error, of which the
-    `uncompensated` part (N, T, 3) remains.
+    The impulses or pulses of the `guidance` cause a known `offset` (N, T, 3) [m] from the plan, and a
+    `ripple` (N,) [m] between times. Continuous thrust is that of the plan plus the `compensation` (N, T, 3)
+    [m/s^2] of the model error, of which the `uncompensated` part (N, T, 3) remains.
     """
 
     paths: Path
+    guidance: Guidance
     loop: ClosedLoop
     times: Floats
-    impulses: Retargeted
     offset: Floats
-    missed: tuple[tuple[int, float, Floats], ...]
+    ripple: Floats
     compensation: Floats
     uncompensated: Floats
-    pulsed: Path | None
-    ripple: Floats
-    thrusters: Sequence[ThrusterStages | None] | None
 
     @classmethod
     def of(
@@ -316,16 +310,16 @@ class TrackedPlan:
         field: Field,
         law: Feedback,
         cancel: bool,
-        thrusters: Sequence[ThrusterStages | None] | None = None,
+        thrusters: Sequence[ThrusterStages | None],
     ) -> Self:
         """Return the paths as `simulate` tracks them in a known field.
 
         `cancel`: compensate the model error.
         """
         times, every, steps = instants(paths, law)
-        loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
+        loop = ClosedLoop.of(paths.orbit, law, every, steps, bool(thrusters))
         left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
-        guidance = Guidance.of(paths, field, law, thrusters or (), cancel)
+        guidance = Guidance.of(paths, field, law, thrusters, cancel)
         spans = ThrustSpans.of(paths, law)
         moved, compensated = spans.impulsive_at(times), cancel & spans.compensated(times)
         fine = np.linspace(times[0], times[-1], RIPPLE * (len(times) - 1) + 1)
@@ -336,17 +330,13 @@ class TrackedPlan:
         ripple = np.linalg.norm(off[:, :-1] - straight.reshape(off[:, :-1].shape), axis=-1).max(axis=1)
         compensation = -left_out * compensated[..., None]
         uncompensated = left_out * ~(compensated | moved & cancel)[..., None]
-        missed, firing = tuple(guidance.missed), guidance.firing
-        pulsed = None if firing is None else firing.path
-        known = guidance.impulses, off[:, ::RIPPLE], missed, compensation, uncompensated
-        return cls(paths, loop, times, *known, pulsed, ripple, thrusters)
+        return cls(paths, guidance, loop, times, off[:, ::RIPPLE], ripple, compensation, uncompensated)
 
     @property
     def bits(self) -> Floats:
         """Largest impulse (N,) [m/s] that thrusters do not fire: one bit of each of three."""
-        if self.thrusters is None:
-            return np.zeros(len(self.paths))
-        return np.array([max(map(_least_push, own.thrusters)) for own in self.thrusters if own is not None])
+        own = [max(map(_least_push, one.thrusters)) for one in self.guidance.thrusters if one is not None]
+        return np.array(own or np.zeros(len(self.paths)))
 
     @cached_property
     def thrust(self) -> Floats:
@@ -362,12 +352,14 @@ class TrackedPlan:
         orbit, times, thrust = self.paths.orbit, self.times, self.thrust
         pushes = [self.uncompensated, *np.einsum("kij,ntj->knti", KINDS, thrust)]
         coasting = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *thrust.shape[:2], 6)
-        jumps = np.einsum("kij,mj->mki", KINDS, self.impulses.impulse)
-        for k, when, sizes in zip(self.impulses.craft, self.impulses.time, jumps, strict=True):
+        jumps = np.einsum("kij,mj->mki", KINDS, self.guidance.impulses.impulse)
+        for k, when, sizes in zip(
+            self.guidance.impulses.craft, self.guidance.impulses.time, jumps, strict=True
+        ):
             after = times > when + SAME  # a measurement at that instant precedes the impulse
             moved = orbit.transition(times[after] - when)[:, :, 3:]
             coasting[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
-        for k, when, state in self.missed:
+        for k, when, state in self.guidance.missed:
             after = times > when + SAME
             coasting[0, k, after] += orbit.transition(times[after] - when) @ state
         off, believed = self.loop.propagate(coasting.reshape(-1, len(times), 6))
@@ -388,11 +380,11 @@ class TrackedPlan:
         Also return a bound on the variance of the feedback in any direction, in m^2/s^4, or in m^2/s^2 for
         impulses. `size` (2,) bounds the constant thrust errors.
         """
-        loop, count, own = self.loop, len(self.times), self.impulses.craft == craft
+        loop, count, own = self.loop, len(self.times), self.guidance.impulses.craft == craft
         path, compensation = self.paths[craft], self.compensation[craft]
-        if self.pulsed is not None:  # pulses are the only burns
-            own, path, compensation = np.zeros_like(own), self.pulsed[craft], np.zeros_like(compensation)
-        jumps = self.impulses.time[own], self.impulses.impulse[own]
+        if (firing := self.guidance.firing) is not None:  # pulses are the only burns
+            own, path, compensation = np.zeros_like(own), firing.path[craft], np.zeros_like(compensation)
+        jumps = self.guidance.impulses.time[own], self.guidance.impulses.impulse[own]
         off, believed = loop.propagate(open_loop_errors(path, errors, self.times, jumps, compensation))
         feedback = [_squares(loop.commands(believed, count))]
         share, angle = size
@@ -407,7 +399,7 @@ class TrackedPlan:
             noise, known_noise = loop.noise_covariances(errors.noise, count)
             found, moments = found + noise, moments + known_noise
             feedback.append(loop.law @ known_noise[:, None] @ loop.law.swapaxes(-1, -2))
-        executed = errors if self.pulsed is None else errors._of_orders
+        executed = errors if firing is None else errors._of_orders
         found += loop.execution_covariances(sight, executed, moments, count)
         return found, sum(float(np.linalg.eigvalsh(one)[..., -1].max(initial=0.0)) for one in feedback)
 

@@ -461,7 +461,6 @@ class Commands:
     reference: Path
     law: Feedback | None
     engines: Engines
-    ballistics: Floats
     thrusters: ThrusterModel | None
 
     @classmethod
@@ -470,7 +469,6 @@ class Commands:
         path: Path,
         law: Feedback | None,
         known: Field | None,
-        ballistics: Floats,
         engines: Engines | None = None,
         *,
         impulses: Floats | None = None,
@@ -502,11 +500,11 @@ class Commands:
         frame = None if known is None else ChiefFrame.of(known, grid.times)
         engines = engines or Engines.of(np.ones(len(path), dtype=bool))
         target = path if reference is None else reference
-        return cls(path, grid, known, frame, spans, fired, target, law, engines, ballistics, thrusters)
+        return cls(path, grid, known, frame, spans, fired, target, law, engines, thrusters)
 
     def among(self, which: Any) -> Commands:
         """Return the commands of the selected spacecraft (M,)."""
-        each = {name: getattr(self, name)[which] for name in ("path", "jumps", "reference", "ballistics")}
+        each = {name: getattr(self, name)[which] for name in ("path", "jumps", "reference")}
         known = self.known and self.known._of(which)
         spans, engines = self.spans.among(which), self.engines.among(which)
         return replace(self, known=known, spans=spans, engines=engines, **each)

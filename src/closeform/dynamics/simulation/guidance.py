@@ -30,7 +30,7 @@ from closeform.dynamics.simulation.commands import (
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retarget
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
 from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
-from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
+from closeform.dynamics.simulation.thruster_pulses import fire_plan, pulsed_reference, shooters
 from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.motion.arc import END, START
@@ -38,6 +38,7 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path
 
 Span = tuple[float, float]
+MOST_STEPS = 2_000_000  # steps of all spacecraft that are simulated together, of about 200 bytes each
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +97,10 @@ class Guidance:
         return found
 
     @cached_property
-    def _pulsed(self) -> dict[int, PulsedReference]:
-        """Reference of each spacecraft that fires pulses."""
+    def _pulsed(self) -> dict[int, tuple[Path, list[tuple[float, Floats]]]]:
+        """Reference of each spacecraft that fires pulses, and state errors at the starts of its coasts."""
         return {
-            k: PulsedReference.of(self.paths[k : k + 1], path, model, self.believed._of([k]), self.law)
+            k: pulsed_reference(self.paths[k : k + 1], path, model, self.believed._of([k]), self.law)
             for k, (path, model) in self._models.items()
             if len(model.pulses)
         }
@@ -112,7 +113,7 @@ class Guidance:
         """
         if not self._pulsed:
             return self.retargeted
-        pulsed = {k: one.path[0] for k, one in self._pulsed.items()}
+        pulsed = {k: path[0] for k, (path, _) in self._pulsed.items()}
         return stack([pulsed.get(k, self.retargeted[k]) for k in range(len(self.paths))])
 
     def pulses(self, span: Span) -> list[Pulses]:
@@ -127,7 +128,7 @@ class Guidance:
         """Spacecraft, time and state error (6,) at the end of each span of impulses or pulses."""
         for k, moves in enumerate(ThrustSpans.of(self.paths, self.law).impulsive):
             if k in self._pulsed:
-                yield from ((k, *one) for one in self._pulsed[k].missed)
+                yield from ((k, *one) for one in self._pulsed[k][1])
             elif self.cancel:
                 for end in moves[moves[:, 1] < self.paths.end[k] - SAME, 1]:
                     yield k, float(end), self.retargeted[k].state(end) - self.paths[k].state(end)
@@ -140,26 +141,31 @@ class Guidance:
         return np.asarray(np.linalg.norm(off, axis=2).max(axis=1))
 
     def commands(
-        self, law: Feedback | None, field: Field, engines: Engines, span: Span | None = None
+        self, law: Feedback | None, engines: Engines, span: Span | None = None
     ) -> Iterator[tuple[list[int], Commands]]:
-        """Yield the spacecraft that share a time grid, by index, and their commands in a field.
+        """Yield the spacecraft that share a time grid, by index, and their commands.
 
         Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
         """
-        ballistics = field._ballistics(len(self.paths))
         rest = [k for k in range(len(self.paths)) if k not in self._models]
         outputs = np.zeros(0) if span is not None else self._output_times(rest, law, engines.lost)
         pulsed = self.firing is not None
         commands = partial(Commands.of, pulsed=pulsed, span=span, outputs=outputs)
         for k, (path, model) in self._models.items():
             target = self.reference[[k]] if law is not None else None
-            own = path, law, None, ballistics[[k]], engines.among([k])
+            own = path, law, None, engines.among([k])
             yield [k], commands(*own, reference=target, thrusters=model)
         if rest:
             known = self.believed._of(rest) if self.cancel else None
             changed = self.impulses.impulse[np.isin(self.impulses.craft, rest)]
-            plan = self.paths[rest], law, known, ballistics[rest], engines.among(rest)
-            yield rest, commands(*plan, impulses=changed, reference=self.retargeted[rest])
+            plan = self.paths[rest], law, known, engines.among(rest)
+            every = commands(*plan, impulses=changed, reference=self.retargeted[rest])
+            size = max(MOST_STEPS // len(every.grid.rows), 1)
+            if size >= len(rest):
+                yield rest, every
+                return
+            for k in range(0, len(rest), size):
+                yield rest[k : k + size], every.among(range(len(rest))[k : k + size])
 
     def _output_times(self, rest: list[int], law: Feedback | None, lost: Floats) -> Floats:
         """Return the times at which all spacecraft have outputs, and those without thrusters changes."""
@@ -188,12 +194,12 @@ class Guidance:
         A leg covers a `span`, from states `begin` (N, 6), or from the start of the plan.
         """
         parts, craft = list[Trajectories](), list[int]()
-        for which, commands in self.commands(law, field, engines, span):
+        for which, commands in self.commands(law, engines, span):
             errors = SampledErrors.none(len(which), commands.grid.measurement_count)
             if sampler is not None and measured is not None:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
-            done = propagate(commands, field, errors, own)
+            done = propagate(commands, field._of(which), errors, own)
             if commands.thrusters is None and parts:  # only the orders of thrusters are kept
                 shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
                 done = replace(done, fired=np.zeros(shape))

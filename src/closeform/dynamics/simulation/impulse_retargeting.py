@@ -70,12 +70,12 @@ def retarget(paths: Path, field: Field | None, law: Feedback | None = None) -> t
     craft, times, planned = impulses_of(paths)
     if field is None or not len(craft):
         return Retargeted(craft, times, planned, planned), paths
-    commands = Commands.of(paths, law, field, field._ballistics(len(paths)))
+    commands = Commands.of(paths, law, field)
     grid, frame = commands.grid, commands.frame_in(field)
     jumps, states = commands.jumps.copy(), paths.state(grid.output_times)
     for (first, last), which in _spans(commands).items():
         part, fired, shown = commands.among(which).alone(first, last)
-        found = _solve(part, field, frame.during(slice(2 * first, 2 * last + 1)))
+        found = _solve(part, field._of(which), frame.during(slice(2 * first, 2 * last + 1)))
         jumps[np.ix_(which, fired)], states[np.ix_(which, shown)] = found
     before = states.copy()
     before[:, grid.outputs[grid.impulses >= 0], 3:] -= jumps
@@ -117,16 +117,17 @@ def _solve(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats,
         end = states[..., -1, :] / np.repeat([1.0, n], 3)
         return np.concatenate([end, states[..., along, :3].reshape(*states.shape[:-2], -1)], axis=-1)
 
-    def simulated(some: Commands, begin: Floats) -> Floats:
-        """Return the states (N, T, 6) that result from the impulses."""
-        return np.asarray(propagate(some, field, SampledErrors.none(len(begin)), begin, frame).states[0])
+    def simulated(some: Commands, which: Any = slice(None)) -> Floats:
+        """Return the states (N, T, 6) of spacecraft that result from the impulses."""
+        still = SampledErrors.none(len(begin[which]))
+        return np.asarray(propagate(some, field._of(which), still, begin[which], frame).states[0])
 
-    states, effects = simulated(commands, begin), []
+    states, effects = simulated(commands), []
     for k, own in enumerate(crafts):
         copies = np.full(3 * len(own), k)
         nudged = commands.among(copies)  # once for each impulse and axis
         nudged.jumps[np.arange(len(copies)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
-        effects.append(n * off(simulated(nudged, begin[copies]) - states[k]).T / NUDGE)
+        effects.append(n * off(simulated(nudged, copies) - states[k]).T / NUDGE)
     jumps = commands.jumps.copy()
     for _ in range(ROUNDS):
         moved = 0.0
@@ -135,7 +136,7 @@ def _solve(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats,
             step = _step(effect, off(states[k] - wanted[k]), changed)
             jumps[k, own] += n * step.reshape(-1, 3)
             moved = max(moved, float(np.abs(step).max()))
-        states = simulated(replace(commands, jumps=jumps), begin)
+        states = simulated(replace(commands, jumps=jumps))
         if moved < MET:
             return jumps, states
     raise Infeasible(

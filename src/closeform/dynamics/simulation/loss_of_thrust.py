@@ -70,7 +70,7 @@ def sampled_losses(
     apart = np.abs(more[:, None] - fixed).min(axis=1) > SAME
     chosen = np.unique([*fixed, *more[apart & (more > start) & (more < end)]])
     edges = [*chosen, until] if until > end else [*chosen]
-    parts = [np.arange(ceil((b - a) / STEP)) * (b - a) / ceil((b - a) / STEP) + a for a, b in pairwise(edges)]
+    parts = [np.linspace(a, b, ceil((b - a) / STEP), endpoint=False) for a, b in pairwise(edges)]
     times = np.array([*np.concatenate(parts), edges[-1]])
     last = int(np.searchsorted(times, end))
     free = _drifts(paths, field, times)
@@ -93,20 +93,14 @@ def sampled_losses(
 
 def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, int, Floats], Floats]:
     """Return a function for the drift (T, 6) of a spacecraft from a state at one of the times (T,) on."""
-    if field is None:
-        orbit, until = paths.orbit, float(times[-1])
+    chief, acceleration = (times, times) if field is None else field._chief_at(times)
 
-        def coasting(k: int, i: int, state: Floats) -> Floats:
-            return drift(orbit, float(times[i]), until, state).state(times[i:])
-
-        return coasting
-    chief = field.chief_states(times)
-    acceleration = field.accelerations(times, chief, field._chief_ballistic)
-
-    def drifting_in_field(k: int, i: int, state: Floats) -> Floats:
+    def drifting(k: int, i: int, state: Floats) -> Floats:
+        if field is None:
+            return drift(paths.orbit, float(times[i]), float(times[-1]), state).state(times[i:])
         return field._of([k])._drift_from(state, times[i:], chief[i:], acceleration[i:])
 
-    return drifting_in_field
+    return drifting
 
 
 def _positions_between(one: Floats, two: Floats, step: Floats) -> Floats:

@@ -169,7 +169,7 @@ def _steps(
     corrections += grid.feedback_impulses  # impulses, then burns of thrusters
     laws = grid.measurements, grid.updates, late, grid.rows, rules, corrections, gains
     lost = np.searchsorted(grid.nodes, engines.lost - SAME)
-    of_engines = commands.ballistics, engines.limits, lost, engines.minimum_bit
+    of_engines = field._ballistics(count), engines.limits, lost, engines.minimum_bit
     events = commands.events if errors.events.size else NO_EVENTS
     return Steps._make(
         [

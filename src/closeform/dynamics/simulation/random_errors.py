@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
 # Random streams of a spacecraft: initial state; planned, feedback and impulsive burns; process noise.
-INITIAL, PLANNED, NOISE = 0, 1, 4
+INITIAL, BURNS, NOISE = 0, (1, 2, 3), 4
 HALVED = 9  # halvings of a block of process noise, down to velocity changes every 8 s
 NOISE_STEP = BLOCK / 2.0**HALVED
 
@@ -98,47 +99,35 @@ class ErrorSampler:
         if self.errors is None:
             begin, gates = np.zeros((*size, 6)), np.zeros((size[1], 4))
             return SampledErrors(seen, thrust, begin, np.zeros((*size, 0, 4)), gates, np.zeros((*size, 0, 6)))
-        each = [(seed, k) for seed in self.seeds for k in which]
-        start = [self.errors[k]._root @ _stream(seed, k, INITIAL, leg).normal(size=6) for seed, k in each]
         events = commands.events
-        executed = [self._executed(seed, k, events, leg) for seed, k in each]
+        each = [self._of_craft(seed, k, commands, events, leg) for seed in self.seeds for k in which]
+        start, own, noise = (np.reshape(part, (*size, *part[0].shape)) for part in zip(*each, strict=True))
         gates = np.reshape([self.errors[k].impulse for k in which], (-1, 4)).astype(float)
-        begin, own = np.reshape(start, (*size, 6)), np.reshape(executed, (*size, -1, 4))
-        initial, noise = self._noise(which, commands.grid.nodes, commands.path.orbit.mean_motion)
-        begin[..., 3:] += initial
-        return SampledErrors(seen, thrust, begin, own, gates, noise)
+        return SampledErrors(seen, thrust, start, own, gates, noise)
 
-    def _noise(self, which: Sequence[int], nodes: Floats, n: float) -> tuple[Floats, Floats]:
-        """Return the noise on initial velocities (S, M, 3), and on states in each step (S, M, K, 6)."""
+    def _of_craft(
+        self, seed: int, craft: int, commands: Commands, events: ErrorEvents, leg: int
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return errors of the initial state (6,), of burns and impulses (E, 4), and noise (K or 0, 6)."""
         assert self.errors is not None
-        size = len(self.seeds), len(which)
-        density = np.array([self.errors[k].noise for k in which])
-        if not density.any():
-            return np.zeros((*size, 3)), np.zeros((*size, 0, 6))
-        begins, noise = np.zeros((*size, 3)), np.zeros((*size, len(nodes) - 1, 6))
-        for place in np.argwhere(np.broadcast_to(density > 0.0, size)).tolist():
-            seed, k = self.seeds[place[0]], which[place[1]]
-
-            def normal(level: int, rows: int, seed: int = seed, k: int = k) -> Floats:
-                return _stream(seed, k, NOISE, level).normal(size=(rows, 6))
-
-            own = process_noise(n, density[place[1]], nodes - self.since, normal)
-            begins[tuple(place)], noise[tuple(place)] = own
-        return begins, noise
-
-    def _executed(self, seed: int, craft: int, events: ErrorEvents, leg: int) -> Floats:
-        """Return the errors (E, 4) of each burn and impulse of one spacecraft in one simulation."""
-        assert self.errors is not None
-        one = self.errors[craft]
+        one, stream = self.errors[craft], partial(_stream, seed, craft)
+        start = one._root @ stream(INITIAL, leg).normal(size=6)
         burn = np.array([one.magnitude, *[one.pointing] * 3])
-        return np.concatenate(
-            [
-                size * _stream(seed, craft, stream, leg).normal(size=(count, 4))
-                for stream, (count, size) in enumerate(
-                    zip(events.counts, (burn, burn, np.ones(4)), strict=True), PLANNED
-                )
-            ]
-        )
+        own = [
+            size * stream(kind, leg).normal(size=(count, 4))
+            for kind, size, count in zip(BURNS, (burn, burn, np.ones(4)), events.counts, strict=True)
+        ]
+        nodes, n = commands.grid.nodes, commands.path.orbit.mean_motion
+        noise = np.zeros(((len(nodes) - 1) * any(one.noise for one in self.errors), 6))
+        if one.noise:
+            kick, noise = process_noise(
+                n,
+                one.noise,
+                nodes - self.since,
+                lambda level, rows: stream(NOISE, level).normal(size=(rows, 6)),
+            )
+            start[3:] += kick
+        return start, np.concatenate(own), noise
 
 
 def process_noise(

@@ -91,7 +91,7 @@ def simulate(
         thrusters.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
-    thrusters : Thrusters or sequence of Thrusters, dict or None, optional
+    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
         Thrusters of all spacecraft, or of each that has some. They fire the compensated plan, and feedback
         burns of at least one bit while they are not firing by plan. A dict has the sets that a spacecraft
         uses one after the other, by start time [s]; None for thrust without thrusters. They change while the
@@ -284,16 +284,16 @@ class ControlLoop(NamedTuple):
         Each leg has its own burns.
         """
         parts, pulses, refused, replans = list[Trajectories](), list[Pulses](), list[tuple[float, str]](), 0
-        planner, now, measured = self.planner, None, seen
+        planner, measured = self.planner, seen
+        now: Any = None if planner is None else guidance.paths.state(self.instants[0])
         for leg, span in enumerate(pairwise(self.instants.tolist())):
             if planner is not None:
                 measured = seen[:, :, leg : leg + 1]
-                now = guidance.paths.state(span[0]) if now is None else now
-            if planner is not None and leg > 0 and self.instants[-1] - span[0] >= planner.law.horizon:
-                anew, why = planner.replan(now + measured[0, :, 0], span[0])
-                refused += [(span[0], one) for one in why]
-                if anew is not None:
-                    guidance, replans = anew, replans + 1
+                if leg > 0 and self.instants[-1] - span[0] >= planner.law.horizon:
+                    anew, why = planner.replan(now + measured[0, :, 0], span[0])
+                    refused += [(span[0], one) for one in why]
+                    if anew is not None:
+                        guidance, replans = anew, replans + 1
             of_leg = None if planner is None else span, now, leg
             errors = sampler, (measured, thrust), *of_leg
             parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,21 +64,20 @@ def fire_plan(
     The impulses are changed for the field. Spacecraft that coast, or are held on coasts under feedback by a
     `law`, fire nothing. Along axes without a thruster the model error is not compensated.
     """
-    spans, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
-    firing = shooters(thrusters)
-    bounds = np.concatenate([spans.bounds, *(own.starts[1:] for own in thrusters if own is not None)])
+    every, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
+    bounds = np.concatenate([every.bounds, *(own.starts[1:] for own in thrusters if own is not None)])
     steady = _compensated(paths, field, bounds, thrusters)
-    for k in firing:
-        one, own, arcs = paths[k], spans.among([k]), paths[k].arcs.copy()
-        fitted = thrusters[k]
-        assert fitted is not None
+    for k, own in enumerate(thrusters):
+        if own is None:
+            continue
+        one, spans, arcs = paths[k], every.among([k]), paths[k].arcs.copy()
         mine, planned = impulses.craft == k, impulses.planned[impulses.craft == k]
-        axes = controllable_in_stages(fitted, impulses.time[mine], n)
+        axes = controllable_in_stages(own, impulses.time[mine], n)
         changed = np.einsum("tij,tj->ti", axes, impulses.impulse[mine] - planned)
         arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
         if one.delta_v:
             by_thrust, compensated = (
-                own.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
+                spans.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
             )
             arcs = np.concatenate([arcs[~by_thrust], steady[k][compensated]])
             arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
@@ -110,14 +108,18 @@ def _fire_in_stages(paths: Path, thrusters: Sequence[ThrusterStages]) -> Thruste
         arcs, begin = list[Floats](), ends_of(paths[k])[0]
         for piece, used in own.pieces(paths[k]):
             if used is not None:
-                fired = fire_thrusters(stack([piece]), used)
-                early, late = fired.path.start[0] < piece.start, fired.path.end[0] > piece.end
+                try:
+                    fired = fire_thrusters(piece, used)
+                except ValueError as error:
+                    name, _, words = str(error).partition(": ")
+                    raise ValueError(f"{name}: craft {k}: {words}") from None
+                early, late = fired.path.start < piece.start, fired.path.end > piece.end
                 if (early and piece.start > paths[k].start) or (late and piece.end < paths[k].end):
                     raise ValueError(
                         f"thrusters: craft {k}: burns last beyond a change of thrusters, at "
                         f"{piece.start:g} or {piece.end:g} s; plan a longer coast there"
                     )
-                piece = fired.path[0]
+                piece = fired.path
                 pulses.append(replace(fired.pulses, craft=np.full(len(fired.pulses), k)))
                 dropped.append(replace(fired.dropped, craft=np.full(len(fired.dropped), k)))
             if not arcs:
@@ -226,40 +228,30 @@ def planned_delta_v(paths: Path, thrusters: Sequence[ThrusterStages | None], los
     return planned
 
 
-class PulsedReference(NamedTuple):
-    """Path of one spacecraft by its pulses, and by the plan on held coasts.
+def pulsed_reference(
+    plan: Path, fired: Path, model: ThrusterModel, field: Field, law: Feedback | None
+) -> tuple[Path, list[tuple[float, Floats]]]:
+    """Return the path of a plan (1,) that is `fired` (1,) in a field, and how held coasts begin off the plan.
 
-    `missed`: the time and the state error at the start of each held coast.
+    Each span of pulses starts from the planned state; without feedback there is one span. On coasts that
+    feedback holds the path is that of the plan; they begin at times [s] with state errors (6,).
     """
-
-    path: Path
-    missed: tuple[tuple[float, Floats], ...]
-
-    @classmethod
-    def of(
-        cls, plan: Path, fired: Path, model: ThrusterModel, field: Field, law: Feedback | None
-    ) -> PulsedReference:
-        """Return the reference of a plan (1,) that is `fired` (1,) in a field.
-
-        Each span of pulses starts from the planned state. Without feedback there is one span.
-        """
-        own = fired, law, None, field._ballistics(1)
-        commands = Commands.of(*own, thrusters=model, pulsed=True, outputs=np.zeros(0))
-        grid, frame, missed = commands.grid, commands.frame_in(field), []
-        states = plan.state(grid.output_times)
-        arrivals = states.copy()
-        whole = np.array([[grid.nodes[0], grid.nodes[-1]]])
-        held = ThrustSpans.of(plan, law)
-        spans = whole if law is None else np.concatenate([held.impulsive[0], held.continuous[0]])
-        for first, last in _spans(grid, spans, model.pulses):
-            part, _, shown = commands.alone(first, last)
-            # a span that begins with an impulse starts before it
-            begin = plan.state(grid.nodes[first]) if first else None
-            during = frame.during(slice(2 * first, 2 * last + 1))
-            found = propagate(part, field, SampledErrors.none(1), begin, during)
-            missed.append((float(grid.nodes[last]), found.states[0, 0, -1] - states[0, shown[-1]]))
-            states[0, shown], arrivals[0, shown] = found.states[0, 0], found.arrivals[0, 0]
-        return cls(plan.orbit._through(grid.output_times, states, arrivals), tuple(missed))
+    commands = Commands.of(fired, law, None, thrusters=model, pulsed=True, outputs=np.zeros(0))
+    grid, frame, missed = commands.grid, commands.frame_in(field), list[tuple[float, Floats]]()
+    states = plan.state(grid.output_times)
+    arrivals = states.copy()
+    spans, held = np.array([[grid.nodes[0], grid.nodes[-1]]]), ThrustSpans.of(plan, law)
+    if law is not None:
+        spans = np.concatenate([held.impulsive[0], held.continuous[0]])
+    for first, last in _spans(grid, spans, model.pulses):
+        part, _, shown = commands.alone(first, last)
+        # a span that begins with an impulse starts before it
+        begin = plan.state(grid.nodes[first]) if first else None
+        during = frame.during(slice(2 * first, 2 * last + 1))
+        found = propagate(part, field, SampledErrors.none(1), begin, during)
+        missed.append((float(grid.nodes[last]), found.states[0, 0, -1] - states[0, shown[-1]]))
+        states[0, shown], arrivals[0, shown] = found.states[0, 0], found.arrivals[0, 0]
+    return plan.orbit._through(grid.output_times, states, arrivals), missed
 
 
 def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int]]:
@@ -302,6 +294,6 @@ def controllable_in_stages(own: ThrusterStages, times: Floats, n: float) -> Floa
     return found
 
 
-def lacks_axis(own: ThrusterStages) -> bool:
-    """Return True if in any stage there is an axis along which no thruster acts in either direction."""
-    return any(np.linalg.matrix_rank(one.directions, tol=FLAT) < 3 for one in own.thrusters)
+def lacks_axis(thrusters: Thrusters) -> bool:
+    """Return True if there is an axis along which no thruster acts in either direction."""
+    return bool(np.linalg.matrix_rank(thrusters.directions, tol=FLAT) < 3)
