@@ -283,9 +283,11 @@ def collision(
         Curve(times, so_far / size, "inside at the start, and entries so far"),
         Curve(np.full(2, end), np.array([found.low, found.high]) / size, ever, **span),
     ]
-    if limit is not None and limit < FAR * most:
-        flat = np.full(2, limit / size)
-        curves.append(Curve(times[[0, -1]], flat, f"required: at most {limit:g}", INK, style.DASHED, 1.4))
+    if limit is not None:
+        far = limit > FAR * most
+        words = f"required: at most {limit:g}{', far above' if far else ''}"
+        flat = np.full(2, np.nan if far else limit / size)
+        curves.append(Curve(times[[0, -1]], flat, words, INK, style.DASHED, 1.4))
     panels = [Panel(f"entries per {per}{power}", [rate]), Panel(f"probability{chance}", curves)]
     highest = ticks.text(float(times[np.argmax(rates)]))
     lead = f"{what}: p" if what else "P"
