@@ -331,7 +331,7 @@ class ThreeViews:
         return handles
 
 
-@picture("`time` is outside the gathering, or there is no such spacecraft")
+@picture("`time` is outside the gathering, or there is no such spacecraft", source="H03 figures 9 to 11")
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
@@ -349,10 +349,6 @@ def three_views(
         Time from the start of the search, up to the duration of the gathering.
     craft : int, default 0
         Index of the spacecraft in the close-up.
-
-    References
-    ----------
-    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     if not 0.0 <= number("time", time) <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
@@ -361,7 +357,7 @@ def three_views(
     return views.figure
 
 
-@picture("`frames` is below 2, or there is no such spacecraft")
+@picture("`frames` is below 2, or there is no such spacecraft", source="H03 figures 9 to 11")
 def animation(
     gathering: Gathering,
     file: File,
@@ -379,10 +375,6 @@ def animation(
     frames : int, default 150
         Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
         pauses, as it does at the end.
-
-    References
-    ----------
-    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     whole("frames", frames, 2)
     views = ThreeViews(gathering, craft, names)

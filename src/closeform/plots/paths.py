@@ -255,7 +255,7 @@ def formation_story(stages: list[Pairs], count: int, called: list[str]) -> str:
 # ----- one spacecraft and its obstacles
 
 
-@picture("an obstacle shares no time with a path")
+@picture("an obstacle shares no time with a path", source="SP11 figure 3")
 def before_after(
     before: Path,
     after: Path,
@@ -274,10 +274,6 @@ def before_after(
     ----------
     names : sequence of str, optional
         Names of the obstacles.
-
-    References
-    ----------
-    SP11 (Sauter and Palmer 2011) figure 3.
     """
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
@@ -381,7 +377,7 @@ def around(points: Floats) -> tuple[Floats, float]:
     return (low + high) / 2, 0.6 * float((high - low).max() or 1.0)
 
 
-@picture("there are more than two ways, or no common time")
+@picture("there are more than two ways, or no common time", source="SP11 figure 2")
 def two_ways(
     path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None, name: str | None = None
 ) -> Figure:
@@ -398,10 +394,6 @@ def two_ways(
         of lowest cost on the other passing side.
     name : str, optional
         Name of the obstacle.
-
-    References
-    ----------
-    SP11 (Sauter and Palmer 2011) figure 2.
     """
     shared = style.common_time(path, obstacle)
     near = closest_approach(path, obstacle, zone)
