@@ -250,7 +250,7 @@ class Stamps:
             if column.key is not None:
                 columns.append(Column(None, column.key.removesuffix("_s") + "_utc"))
                 cells.append(spread(self.utc(times, column.since), known, len(table.rows)))
-            if column.heading is not None and not shown:
+            if column.heading is not None and known and not shown:
                 shown = True
                 day, stamps = without_day(
                     self.utc(times, column.since, len(column.form(0.0).partition(".")[2]))
