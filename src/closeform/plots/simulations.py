@@ -13,7 +13,7 @@ from closeform.dynamics.clearance import closest_pair, ratios_at_times
 from closeform.dynamics.control.tracking_tube import Tube
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.plots.drawing import style
-from closeform.plots.drawing.charts import PALE, Curve, Panel, series
+from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, series
 from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, CONFLICT, INK, ZONE
 from closeform.plots.drawing.text import short_names
@@ -21,6 +21,7 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 DRAWN = 300  # maximum number of runs that are drawn, besides the worst
+CLOSE_UP = 0.012  # of the duration: half the width of the close-up
 
 
 @picture()
@@ -55,7 +56,7 @@ def flight_deviations(
 
 @picture("there are fewer than two spacecraft, or no pair has a zone")
 def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
-    """Plot the minimum clearance ratio of all pairs against time, for every run.
+    """Plot the minimum clearance ratio of all pairs against time, for every run, with a close-up.
 
     Each pale line is the minimum of all pairs in one run; the dashed line is that of the plan. The blue line
     is the median of all runs; the red line is the run with the closest approach. A ratio below 1 is a
@@ -82,15 +83,32 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     curves = runs(flight, flight.times, least, run, words, dot, f"{pair}, {dot[1]:.4f} × zone")
     curves.append(Curve(flight.times, planned, "plan", INK, style.DASHED, 1.4))
 
+    ticks, (start, end) = clock_of(flight), flight.times[[0, -1]].tolist()
+    figure, handles, legends = style.sheet(8.6), list[Any](), list[str]()
+    above, below = figure.subplots(2, 1)
+    for axes in (above, below):
+        style.dress(axes)
+    near = np.abs(flight.times - dot[0]) <= CLOSE_UP * (end - start)
+    near[max(0, step - 2) : step + 3] = True
+    close = [
+        Curve(flight.times[near], one.values[..., near], "", one.colour, one.dashes, one.width, one.dot)
+        for one in curves
+    ]
+    top = max(float(planned[near].max()), float(np.median(least[:, near], axis=0).max()))
+    room = 0.15 * (top - dot[1]) or 0.05
+    draw(above, Panel("minimum of all pairs [× zone]", curves, 1.0, scale="ratio"), ticks, handles, legends)
+    draw(below, Panel("close-up [× zone]", close, 1.0, ""), ticks, [], [])
+    below.set_ylim(dot[1] - room, top + room)
+    style.time_axes([above], ticks, start, end)
+    style.time_axes([below], style.Clock(ticks.unit), *flight.times[near][[0, -1]].tolist())
+    style.legend(figure, handles, legends)
     entered = int(
         (flight.ratios.min(axis=1) < 1.0).sum() if flight.ratios.size else (least.min(axis=1) < 1.0).sum()
     )
     runs_in = style.plural(len(least), "run")
     found = f"Conflicts in {entered} of {runs_in}" if entered else f"No conflict in {runs_in}"
-    said = f"{found}; minimum {dot[1]:.4f} × zone simulated, {planned.min():.4f} planned"
-    panel = Panel("minimum of all pairs [× zone]", curves, 1.0, scale="ratio")
-    start, end = flight.times[[0, -1]].tolist()
-    return series(said, [panel], clock_of(flight), start, end, height=5.8)
+    style.headline(figure, f"{found}; minimum {dot[1]:.4f} × zone simulated, {planned.min():.4f} planned")
+    return figure
 
 
 def runs(
