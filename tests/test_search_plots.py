@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from bodies import Body
 from closeform import plots
 from closeform.plots.drawing.space import GROUP_COLOURS, OBLIQUE, Camera, hull, ring
-from closeform.plots.gatherings import SUN_VIEW, Knots, Moment, ThreeViews, schedule
+from closeform.plots.gatherings import SUN_VIEW, Moment, ThreeViews, knots_of, schedule
 from closeform.plots.searches import ABOVE
 from closeform.search.gathering.gather import gather
 from closeform.search.schedule import Search
@@ -52,7 +52,7 @@ MANY = gather(BASIC, RNG.uniform(-900, 900, (40, 3)), RNG.uniform(-0.1, 0.1, (40
 
 
 def moment(gathering, time):
-    return Moment(gathering, [Knots.of(gathering.paths[k]) for k in range(len(gathering.groups))], time)
+    return Moment(gathering, knots_of(gathering), time)
 
 
 def words(figure):

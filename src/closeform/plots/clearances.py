@@ -382,7 +382,7 @@ def passive_safety(found: Sequence[Failed]) -> str:
     return f"Not passively safe {spans}: {precise(worst.worst.ratio)} × zone{often}"
 
 
-@picture("orbits differ or there is no common time")
+@picture("orbits differ or there is no common time", source="SP11 figure 1")
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
 
@@ -394,10 +394,6 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     ----------
     path, other : Path
         Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
-
-    References
-    ----------
-    SP11 (Sauter and Palmer 2011) figure 1.
     """
     start, end = style.common_time(path, other)
     one, two = short_names(names, 2)

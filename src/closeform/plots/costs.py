@@ -141,7 +141,10 @@ def _along(path: Path, contacts: ContactTerms, thrusters: Thrusters, pushes: Flo
     return np.asarray(scale * found.x[:6])
 
 
-@picture("the path is a batch, is too long or is not a path, or if a plan has no path or no such spacecraft")
+@picture(
+    "the path is a batch, is too long or is not a path, or if a plan has no path or no such spacecraft",
+    source="docs/theory.md (26, 27, 36, 38)",
+)
 def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
     """Plot the magnitude of a primer against time: 1 at optimal impulses, nowhere above 1.
 
@@ -157,10 +160,6 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
         states; or a minimum-delta-v plan.
     craft : int, default 0
         Index of the spacecraft in a `Plan`.
-
-    References
-    ----------
-    docs/theory.md (26, 27, 36, 38).
     """
     planned_paths = path.paths if isinstance(path, Plan) else path
     several = isinstance(path, Plan) and planned_paths is not None

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, pi
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,7 +19,6 @@ from matplotlib.patches import Patch, Polygon
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.motion.arc import END, START
-from closeform.motion.path import Path
 from closeform.plots.drawing import space
 from closeform.plots.drawing.inputs import File, picture
 from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, name_moving, write_gif
@@ -56,17 +55,14 @@ def style_of(label: int) -> int:
     return label if label <= FORMATION else 1 + (label - 1) % 4
 
 
-@dataclass(frozen=True, eq=False)
-class Knots:
-    """Start, burns and end of one path: `times` (K,) [s] and `points` (K, 3) [m]."""
+Knots = tuple[Floats, Floats]  # times (K,) [s] and positions (K, 3) [m] of start, burns and end of a path
 
-    times: Floats
-    points: Floats
 
-    @classmethod
-    def of(cls, path: Path) -> Self:
-        times = np.append(path.arcs[:, START], path.arcs[-1, END])
-        return cls(times, path.position(times))
+def knots_of(gathering: Gathering) -> list[Knots]:
+    """Return the knots of the path of each spacecraft."""
+    paths = [gathering.paths[k] for k in range(len(gathering.groups))]
+    times = [np.append(path.arcs[:, START], path.arcs[-1, END]) for path in paths]
+    return [(some, path.position(some)) for path, some in zip(paths, times, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +115,7 @@ class Moment:
     def trails(self) -> list[Floats]:
         """Track of each spacecraft so far, (K, 3) each: its start, its burns and its position now."""
         both = zip(self.knots, self.positions, strict=True)
-        return [np.vstack([one.points[one.times < self.time], now]) for one, now in both]
+        return [np.vstack([points[times < self.time], now]) for (times, points), now in both]
 
 
 def clock_text(time: float) -> str:
@@ -162,7 +158,7 @@ class Overview:
         groups, sensor = gathering.groups, gathering.search.sensor
         self.coned = sorted(range(len(groups)) if self.few else [craft], key=lambda k: groups[k])
         self.called = [called[k] for k in self.coned]
-        points = np.vstack([one.points for one in knots])
+        points = np.vstack([points for _, points in knots])
         span = max(float(np.ptp(points, axis=0).max()), 10.0 * sensor.offset) or 10.0
         self.cone = min(sensor.range, (0.17 if self.few else 0.12) * span)
         self.shade, margin = max(sensor.offset, 0.017 * span), 0.9 * self.cone + sensor.offset
@@ -268,7 +264,7 @@ class ThreeViews:
         if isinstance(craft, bool) or not 0 <= craft < count:
             raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft!r}")
         self.gathering, self.names = gathering, short_names(names, count)
-        self.knots = [Knots.of(gathering.paths[k]) for k in range(count)]
+        self.knots = knots_of(gathering)
         self.figure = sheet(7.9)
         axes = self.figure.subplot_mosaic(
             [["oblique", "sun"], ["oblique", "close"], ["strip", "strip"]],
@@ -335,7 +331,7 @@ class ThreeViews:
         return handles
 
 
-@picture("`time` is outside the gathering, or there is no such spacecraft")
+@picture("`time` is outside the gathering, or there is no such spacecraft", source="H03 figures 9 to 11")
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
@@ -353,10 +349,6 @@ def three_views(
         Time from the start of the search, up to the duration of the gathering.
     craft : int, default 0
         Index of the spacecraft in the close-up.
-
-    References
-    ----------
-    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     if not 0.0 <= number("time", time) <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
@@ -365,7 +357,7 @@ def three_views(
     return views.figure
 
 
-@picture("`frames` is below 2, or there is no such spacecraft")
+@picture("`frames` is below 2, or there is no such spacecraft", source="H03 figures 9 to 11")
 def animation(
     gathering: Gathering,
     file: File,
@@ -383,10 +375,6 @@ def animation(
     frames : int, default 150
         Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
         pauses, as it does at the end.
-
-    References
-    ----------
-    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     whole("frames", frames, 2)
     views = ThreeViews(gathering, craft, names)

@@ -39,7 +39,6 @@ from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.outlines import CIRCLE, drawn
-from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 MANY, NAMED = 200, 20  # spacecraft above which only the closest are shown, and how many of them
@@ -75,13 +74,11 @@ def stretches(path: Path, intervals: Any, width: float = 4.5) -> list[space.Trac
 
 @dataclass(frozen=True, eq=False)
 class Formation:
-    """Paths of a formation at one stage of a plan: their scene, and the facts for the headline."""
+    """Paths of a formation at one stage of a plan: scene, pairs with a zone, and spacecraft with tracks."""
 
     scene: space.Scene
-    conflicts: int  # pairs in conflict
-    pairs: int  # pairs that have a zone
-    named: str  # some of those in conflict
-    shown: list[int]  # indices of the spacecraft with tracks
+    pairs: Pairs
+    shown: list[int]
 
     @classmethod
     def of(
@@ -89,37 +86,29 @@ class Formation:
     ) -> Formation:
         """Sample the tracks and find the conflicts.
 
-        Of many spacecraft only `shown` have tracks, by default those of the closest pairs.
+        Of many spacecraft only `shown` have tracks, by default those of the closest pairs, and others are
+        faint.
         """
         craft_paths = crafts("paths", paths)
-        count, lacking = len(craft_paths), zone is None or (isinstance(zone, Sequence) and not zone)
-        many = count > MANY
-        kept = Sphere(1.0) if many and lacking else zone  # ranks pairs by distance
-        pairs = Pairs.of([*craft_paths, *others], kept, count, "zone")
+        count = len(craft_paths)
+        pairs = Pairs.of([*craft_paths, *others], zone, count, "zone")
         if shown is None:
-            shown = closest_craft(pairs, count) if many else list(range(count))
+            shown = list(range(count)) if count <= MANY else closest_craft(pairs, count)
         rest = np.setdiff1d(np.arange(count), shown)
         sample = rest[np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE)).astype(int)]
-        faint = f"{len(sample)} of the others"
-        tracks = [
-            track_of(craft_paths[k], "#8a9ba84d", 0.5, label=faint, arrow=False, order=1.2) for k in sample
-        ]
-        tracks += [track_of(one, OTHER, 1.2, label="obstacles") for one in others]
-        tracks += own_tracks([track_of(craft_paths[k], INK).points for k in shown])
-        marks = ends(
-            [track.points for track in tracks[len(sample) + len(others) :]], [called[k] for k in shown]
-        )
-        shapes, nearest, story = closest_pair(pairs, count, called, many and lacking)
-        if not (many and lacking):
-            for path, intervals in zip(craft_paths, conflicts_of(pairs, count), strict=True):
-                tracks += stretches(path, intervals, 4.5 if len(shown) <= NAMED else 2.2)
-        if len(sample):
+        look: dict[str, Any] = {"label": f"{len(sample)} of the others", "arrow": False, "order": 1.2}
+        faint = [track_of(craft_paths[k], "#8a9ba84d", 0.5, **look) for k in sample]
+        passive = [track_of(one, OTHER, 1.2, label="obstacles") for one in others]
+        lines = [track_of(craft_paths[k], INK).points for k in shown]
+        tracks = [*faint, *passive, *own_tracks(lines)]
+        shapes, nearest, story = closest_pair(pairs, count, called)
+        for path, intervals in zip(craft_paths, conflicts_of(pairs, count), strict=True):
+            tracks += stretches(path, intervals, 4.5 if len(shown) <= NAMED else 2.2)
+        if len(sample) and shown:
             story = f"{story}; in colour the {len(shown)} craft of the closest pairs"
-        words = "\n".join(filter(None, (title, story)))
-        scene = space.Scene(tracks, [*marks, *nearest], shapes, words)
-        if many and lacking:
-            return cls(scene, 0, 0, "", shown)
-        return cls(scene, int(pairs.hit.sum()), pairs.total, in_words(pairs, called), shown)
+        marks = [*ends(lines, [called[k] for k in shown]), *nearest]
+        scene = space.Scene(tracks, marks, shapes, "\n".join(filter(None, (title, story))))
+        return cls(scene, pairs, shown)
 
 
 def own_tracks(lines: Sequence[Floats]) -> list[space.Track]:
@@ -155,23 +144,20 @@ def closest_craft(pairs: Pairs, count: int) -> list[int]:
 
 
 def closest_pair(
-    pairs: Pairs, count: int, called: list[str], by_distance: bool = False
+    pairs: Pairs, count: int, called: list[str]
 ) -> tuple[list[space.Shape], list[space.Mark], str]:
-    """Return zone, marks and description of the closest pair then; `by_distance` for 1 m zones."""
+    """Return zone, marks and description of the closest pair at its closest approach."""
     if not pairs.order:
         return [], [], ""
     near = pairs.order[0]
     one, other = pairs.craft[near].tolist()
-    least = pairs.ratio[near]
-    how = style.length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
     pair = [other, one] if carries(pairs.paths, count, other, one) else [one, other]
     places = [pairs.paths[k].position(pairs.time[near]) for k in pair]
-    shapes = [] if by_distance else [space.Shape(pairs.zone[near], places[0], "zone at closest approach")]
     look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair at that time", "order": 4.2}
     return (
-        shapes,
+        [space.Shape(pairs.zone[near], places[0], "zone at closest approach")],
         [space.Mark(place, INK, **look) for place in places],
-        f"closest {called[one]} and {called[other]}, {how}",
+        f"closest {called[one]} and {called[other]}, {ratio_text(pairs.ratio[near])} × zone",
     )
 
 
@@ -246,29 +232,30 @@ def formation_paths(
         shown = stages[0].shown if stages else None
         stages.append(Formation.of(title, paths, others, zone, every, shown))
     draw = space.in_planes if np.isfinite(before.orbit.period) else space.in_space
-    return draw([stage.scene for stage in stages], formation_story(stages, len(called)))
+    return draw(
+        [stage.scene for stage in stages],
+        formation_story([stage.pairs for stage in stages], len(called), every),
+    )
 
 
-def formation_story(stages: list[Formation], count: int) -> str:
-    """Return the headline: how many pairs are in conflict."""
+def formation_story(stages: list[Pairs], count: int, called: list[str]) -> str:
+    """Return the headline: how many pairs are in conflict, at one or two stages."""
     craft, two = f"{count} craft", len(stages) > 1
-    if not stages[0].pairs:
-        if len(stages[0].shown) < count:
-            return f"{craft}: the closest pairs"
+    if not stages[0].total:
         return f"{craft}: {'paths before and after' if two else 'all paths'}"
-    counted = style.plural(stages[0].pairs, "pair")
-    words = [str(stage.conflicts) if stage.conflicts else "none" for stage in stages]
-    if not any(stage.conflicts for stage in stages):
+    counted, conflicts = style.plural(stages[0].total, "pair"), [int(one.hit.sum()) for one in stages]
+    if not any(conflicts):
         return f"{craft}, {counted}: paths clear{' before and after' if two else ''}"
+    words = [str(number) if number else "none" for number in conflicts]
     if two:
         return f"{craft}, {counted}: {words[0]} in conflict before, {words[1]} after"
-    return f"{craft}, {counted}: {words[0]} in conflict{stages[0].named}"
+    return f"{craft}, {counted}: {words[0]} in conflict{in_words(stages[0], called)}"
 
 
 # ----- one spacecraft and its obstacles
 
 
-@picture("an obstacle shares no time with a path")
+@picture("an obstacle shares no time with a path", source="SP11 figure 3")
 def before_after(
     before: Path,
     after: Path,
@@ -287,10 +274,6 @@ def before_after(
     ----------
     names : sequence of str, optional
         Names of the obstacles.
-
-    References
-    ----------
-    SP11 (Sauter and Palmer 2011) figure 3.
     """
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
@@ -394,7 +377,7 @@ def around(points: Floats) -> tuple[Floats, float]:
     return (low + high) / 2, 0.6 * float((high - low).max() or 1.0)
 
 
-@picture("there are more than two ways, or no common time")
+@picture("there are more than two ways, or no common time", source="SP11 figure 2")
 def two_ways(
     path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None, name: str | None = None
 ) -> Figure:
@@ -411,10 +394,6 @@ def two_ways(
         of lowest cost on the other passing side.
     name : str, optional
         Name of the obstacle.
-
-    References
-    ----------
-    SP11 (Sauter and Palmer 2011) figure 2.
     """
     shared = style.common_time(path, obstacle)
     near = closest_approach(path, obstacle, zone)

@@ -30,7 +30,7 @@ def angle_text(angle: float, sign: bool = True) -> str:
     return text.replace("-", "−") + "°"
 
 
-@picture("the search begins with another phase")
+@picture("the search begins with another phase", source="S04 figure 3; H03 figure 4")
 def in_plane_search(search: Search) -> Figure:
     """Plot the in-plane search of both groups: S04 figure 3, H03 figure 4.
 
@@ -42,10 +42,6 @@ def in_plane_search(search: Search) -> Figure:
     ----------
     search : Search
         Search that begins with an in-plane search.
-
-    References
-    ----------
-    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 3; H03 (Hadaegh, Scharf and Ploen 2003) figure 4.
     """
     leg = instance("search", search, Search).legs[0]
     if leg.phase != "IPS":
@@ -111,7 +107,7 @@ def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -
     axes.plot(*np.where(front, np.nan, points).T, color=colour, linewidth=width, alpha=0.25)
 
 
-@picture("the search has no such round")
+@picture("the search has no such round", source="S04 figure 4")
 def manoeuvres(search: Search, number: int = 1) -> Figure:
     """Plot every turn of one round of a search for both groups: S04 figure 4.
 
@@ -128,10 +124,6 @@ def manoeuvres(search: Search, number: int = 1) -> Figure:
         Search that contains the round.
     number : int, default 1
         Number of the round, counted from 1.
-
-    References
-    ----------
-    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 4.
     """
     whole("number", number)
     legs = [leg for leg in search.legs if leg.round == number and leg.angle]

@@ -31,7 +31,10 @@ MOST, LONG = 12, 40  # maximum number of lines of a sweep, and characters of a n
 FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
-@picture("`values` has another shape, is infinite or all nan, or `tail` is not between 0 and 1")
+@picture(
+    "`values` has another shape, is infinite or all nan, or `tail` is not between 0 and 1",
+    source="docs/scenario.md",
+)
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     """Plot a histogram of values, and the cumulative share of cases up to each value.
 
@@ -46,10 +49,6 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
         Name of the quantity with its unit, such as "delta-v [m/s]".
     tail : float, no unit, default 0.95
         Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
-
-    References
-    ----------
-    docs/scenario.md.
     """
     given = numbers("values", values)
     instance("what", what, str)
@@ -85,7 +84,10 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     return figure
 
 
-@picture("`times` has another shape or lies outside the search, or `bin` is not positive and finite")
+@picture(
+    "`times` has another shape or lies outside the search, or `bin` is not positive and finite",
+    source="S04 figure 7",
+)
 def histogram(
     times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
 ) -> Figure:
@@ -106,10 +108,6 @@ def histogram(
         Width of a bin.
     what : str, default "pairs lock"
         Plural noun and verb of the event, such as "formations gather" for the durations of `gather_cases`.
-
-    References
-    ----------
-    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
     """
     instance("what", what, str)
     given = numbers("times", times)
@@ -171,7 +169,7 @@ def spaced(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
-@picture("shapes are wrong, or a number is not finite")
+@picture("shapes are wrong, or a number is not finite", source="docs/scenario.md")
 def sweep(
     values: ArrayLike,
     share: ArrayLike,
@@ -196,10 +194,6 @@ def sweep(
         Name of the swept quantity with its unit.
     names : sequence of str, default one without a name
         Names of the K lines.
-
-    References
-    ----------
-    docs/scenario.md.
     """
     where, called = numbers("values", values), sequence("names", names, str)
     instance("what", what, str)
@@ -283,9 +277,11 @@ def collision(
         Curve(times, so_far / size, "inside at the start, and entries so far"),
         Curve(np.full(2, end), np.array([found.low, found.high]) / size, ever, **span),
     ]
-    if limit is not None and limit < FAR * most:
-        flat = np.full(2, limit / size)
-        curves.append(Curve(times[[0, -1]], flat, f"required: at most {limit:g}", INK, style.DASHED, 1.4))
+    if limit is not None:
+        far = limit > FAR * most
+        words = f"required: at most {limit:g}{', far above' if far else ''}"
+        flat = np.full(2, np.nan if far else limit / size)
+        curves.append(Curve(times[[0, -1]], flat, words, INK, style.DASHED, 1.4))
     panels = [Panel(f"entries per {per}{power}", [rate]), Panel(f"probability{chance}", curves)]
     highest = ticks.text(float(times[np.argmax(rates)]))
     lead = f"{what}: p" if what else "P"

@@ -250,7 +250,7 @@ class Stamps:
             if column.key is not None:
                 columns.append(Column(None, column.key.removesuffix("_s") + "_utc"))
                 cells.append(spread(self.utc(times, column.since), known, len(table.rows)))
-            if column.heading is not None and not shown:
+            if column.heading is not None and known and not shown:
                 shown = True
                 day, stamps = without_day(
                     self.utc(times, column.since, len(column.form(0.0).partition(".")[2]))
@@ -271,33 +271,22 @@ class Stamps:
             figures=self.record(section.figures),
         )
 
-    def record(self, figures: Any) -> Any:
+    def record(self, figures: Any, since: str = "mission") -> Any:
         """Return figures for JSON with the UTC of their instants, None if it is unknown.
 
         Instants of a `search` count from the start of the stage.
         """
-        known: dict[str, list[tuple[dict[str, Any], str, float]]] = {"mission": [], "stage": []}
-
-        def copied(value: Any, since: str) -> Any:
-            if isinstance(value, list | tuple):
-                return [copied(one, since) for one in value]
-            if not isinstance(value, Mapping):
-                return value
-            found: dict[str, Any] = {}
-            for key, one in value.items():
-                found[key] = copied(one, "stage" if key == "search" else since)
-                if key in INSTANTS:
-                    found[INSTANTS[key]] = None
-                    if one is not None and isfinite(one):
-                        known[since].append((found, INSTANTS[key], one))
-            return found
-
-        whole = copied(figures, "mission")
-        for since, places in known.items():
-            stamps = self.utc([time for _, _, time in places], since)
-            for (found, key, _), stamp in zip(places, stamps, strict=True):
-                found[key] = stamp
-        return whole
+        if isinstance(figures, list | tuple):
+            return [self.record(one, since) for one in figures]
+        if not isinstance(figures, Mapping):
+            return figures
+        found: dict[str, Any] = {}
+        for key, one in figures.items():
+            found[key] = self.record(one, "stage" if key == "search" else since)
+            if key in INSTANTS:
+                known = one is not None and isfinite(one)
+                found[INSTANTS[key]] = self.utc([one], since)[0] if known else None
+        return found
 
 
 def state_columns(names: Sequence[str], times: Floats, states: Floats, epoch: Epoch | None) -> dict[str, Any]:

@@ -443,7 +443,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         failed.append(f"Not executed: {in_short(why)}")
     safe = passive.section(result)
     pictures = own.pictures + safe.pictures
-    large = [one for one in pictures if isinstance(one, Film) and one.most < count]
+    drawn = [one for one in pictures if not (isinstance(one, Film) and one.most < count)]
     whole = replace(
         own,
         lines=(
@@ -458,10 +458,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             *model.margin(result),
             *own.closing,
             *(effort.limit_lines(mission, result) if found else ()),
-            *(
-                f"Animation left out: {count} craft, more than the {one.most} that it can show"
-                for one in large
-            ),
+            *(f"Animation left out: {count} craft are more than it can show",) * (len(drawn) < len(pictures)),
         ),
         pictures=tuple(
             replace(
@@ -471,8 +468,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 failed=result.failure is not None,
                 executed=result.executed or picture.plot == "trade",  # which shows the cost of any path
             )
-            for picture in pictures
-            if not (isinstance(picture, Film) and picture.most < count)
+            for picture in drawn
         ),
         figures={
             "number": result.number,

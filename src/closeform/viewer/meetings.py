@@ -1,5 +1,6 @@
 """Conflicts and closest approaches of all pairs."""
 
+from collections.abc import Sequence
 from math import inf
 from typing import Any
 
@@ -17,24 +18,20 @@ FEW = 30  # largest number of craft whose distances are compared for all pairs
 
 def conflicts(shown: Shown) -> list[Record]:
     """Return every `Conflict` of web/scene.d.ts in order of time."""
-    found = []
-    for result in shown.results:
-        place = places_of(result)
-        for when, flight in flights(result):
-            for met in sorted(flight.conflicts, key=lambda met: met.ratio)[:LISTED]:
-                found.append(
-                    {
-                        "first": place[met.first],
-                        "second": place[met.second],
-                        "stage": result.number,
-                        "when": when,
-                        "start": met.start,
-                        "end": met.end,
-                        "time": met.time,
-                        "ratio": met.ratio,
-                    }
-                )
+    found = [
+        record(met, result, ("start", "end", "time", "ratio")) | {"when": when}
+        for result in shown.results
+        for when, flight in flights(result)
+        for met in sorted(flight.conflicts, key=lambda met: met.ratio)[:LISTED]
+    ]
     return sorted(found, key=lambda met: (met["start"], met["first"], met["second"], met["when"]))
+
+
+def record(met: Any, result: StageResult[Any, Any], kept: Sequence[str]) -> Record:
+    """Return the kept values of a conflict or an approach, with the indices of its craft and the stage."""
+    place = places_of(result)
+    craft = {"first": place[met.first], "second": place[met.second], "stage": result.number}
+    return craft | {key: getattr(met, key) for key in kept}
 
 
 def flights(result: StageResult[Any, Any]) -> list[tuple[str, WatchedFlight]]:
@@ -53,19 +50,9 @@ def approaches(shown: Shown) -> list[Record]:
 
 def closest(result: StageResult[Any, Any]) -> list[Record]:
     """Return the closest pairs of a stage, the closest first."""
-    place = places_of(result)
     near = [pair for pair in result.after.approaches if pair.ratio < inf]
-    return [
-        {
-            "first": place[pair.first],
-            "second": place[pair.second],
-            "stage": result.number,
-            "time": pair.time,
-            "ratio": pair.ratio,
-            "distance": pair.distance,
-        }
-        for pair in sorted(near, key=lambda pair: nearest_first(pair.ratio, pair.time))[:LISTED]
-    ]
+    ranked = sorted(near, key=lambda pair: nearest_first(pair.ratio, pair.time))[:LISTED]
+    return [record(pair, result, ("time", "ratio", "distance")) for pair in ranked]
 
 
 def places_of(result: StageResult[Any, Any]) -> dict[str, int]:

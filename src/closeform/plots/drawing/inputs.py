@@ -24,6 +24,12 @@ HEADING = re.compile(r"^(\w+)\n-+\n", re.MULTILINE)
 RETURNS = "Figure\n    Matplotlib figure; save it with its `savefig` method."
 WRAP: dict[str, Any] = {"width": 106, "initial_indent": "    ", "subsequent_indent": "    "}
 TYPE = "an argument has the wrong type"
+PAPERS = {
+    "SP11": "SP11 (Sauter and Palmer 2011)",
+    "S04": "S04 (Scharf, Ploen, Hadaegh and Sohl 2004)",
+    "H03": "H03 (Hadaegh, Scharf and Ploen 2003)",
+}
+PAPER = re.compile("|".join(PAPERS))
 
 
 # ----- values that are accepted
@@ -159,12 +165,12 @@ BY_ANNOTATION = {
 }
 
 
-def picture(raises: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+def picture(raises: str = "", source: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return the decorator of a plot function, which checks its arguments and completes its docstring.
 
     An argument whose name or annotation is one of the above is checked at each call. The docstring describes
-    the others; it gets the entries of those that it does not describe, the figure under Returns, and under
-    Raises the conditions of the function, `raises`, and of the checks.
+    the others; it gets the entries of those that it does not describe, the figure under Returns, under Raises
+    the conditions of the function, `raises`, and of the checks, and the `source` under References.
     """
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
@@ -182,7 +188,7 @@ def picture(raises: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
             return function(*args, **kwargs)
 
         if (text := inspect.getdoc(function)) is not None:  # None in `python -OO`
-            checked.__doc__ = documented(text, signature, kinds, raises)
+            checked.__doc__ = documented(text, signature, kinds, raises, source)
         return checked
 
     return decorated
@@ -193,8 +199,10 @@ def kind_of(parameter: inspect.Parameter) -> Argument | None:
     return BY_NAME.get(parameter.name) or BY_ANNOTATION.get(parameter.annotation.removesuffix(" | None"))
 
 
-def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argument], raises: str) -> str:
-    """Return a docstring with complete sections Parameters, Returns and Raises."""
+def documented(
+    text: str, signature: inspect.Signature, kinds: dict[str, Argument], raises: str, source: str
+) -> str:
+    """Return a docstring with complete sections Parameters, Returns, Raises and References."""
     opening, *rest = HEADING.split(text)
     sections = {name: body.strip() for name, body in zip(rest[::2], rest[1::2], strict=True)}
     entries = dict[str, str]()
@@ -211,6 +219,7 @@ def documented(text: str, signature: inspect.Signature, kinds: dict[str, Argumen
         whole["Returns"] = RETURNS
     every = f"If {raises}; also if {checks}." if raises else f"If {checks}."
     whole["Raises"] = "ValueError\n" + fill(every, **WRAP)
-    whole |= {name: body for name, body in sections.items() if name not in whole}
+    if source:
+        whole["References"] = PAPER.sub(lambda found: PAPERS[found[0]], source) + "."
     parts = [f"{name}\n{'-' * len(name)}\n{body}" for name, body in whole.items()]
     return "\n\n".join([opening.rstrip(), *parts]) + "\n"

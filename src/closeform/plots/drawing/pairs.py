@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import ALL_PAIRS, watch
-from closeform.conflicts.two_paths import PairConflict, nearest_first
+from closeform.conflicts.all_pairs import screen
+from closeform.conflicts.flight import ALL_PAIRS, nearest
+from closeform.conflicts.two_paths import PairConflict, closest_approach, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.plots.drawing.inputs import crafts
 from closeform.plots.drawing.text import short_names
-from closeform.zones.pair_zones import pair_zones
+from closeform.zones.pair_zones import pair_zones, portions
 from closeform.zones.zone import Zone
 
 TOUCH = 1e-6  # above 1: tolerance for a pair on the keep-out boundary
@@ -47,20 +49,25 @@ class Pairs:
         flying = len(batch) if count is None else count
         none = zones is None or (isinstance(zones, Sequence) and not zones)
         kept = pair_zones(name, [None] * len(batch) if none else zones, flying, len(batch) - flying)
-        flight = watch(batch, range(len(batch)), kept)  # type: ignore[arg-type]  # indices as names
-        stays: dict[tuple[int, int], list[PairConflict]] = {}
-        for met in flight.conflicts:
+        parts = list(portions(kept) if kept.pairs <= ALL_PAIRS else nearest(batch, kept))
+        near = [closest_approach(batch[first], batch[second], zone) for zone, first, second in parts]
+        craft = np.concatenate([np.empty((0, 2), dtype=int), *(np.stack(pair, 1) for _, *pair in parts)])
+        ratio, time = (
+            np.concatenate([[], *(getattr(one, what) for one in near)]) for what in ("ratio", "time")
+        )
+        zone = [zone for zone, first, _ in parts for _ in range(len(first))]
+        stays: dict[tuple[int, ...], list[PairConflict]] = {}
+        for met in screen(batch, kept).conflicts:
             stays.setdefault((met.first, met.second), []).append(met)
-        near = flight.approaches
-        pairs = [(one.first, one.second) for one in near]
+        order = np.lexsort(craft.T[::-1])
         return cls(
             batch,
-            np.reshape(np.array(pairs, dtype=int), (-1, 2)),
-            [one.zone for one in near],
-            np.array([one.ratio for one in near]),
-            np.array([one.time for one in near]),
-            [tuple(stays.get(pair, ())) for pair in pairs],
-            len(near) if flight.pairs <= ALL_PAIRS else flight.pairs,
+            craft[order],
+            [zone[k] for k in order],
+            ratio[order],
+            time[order],
+            [tuple(stays.get(tuple(pair), ())) for pair in craft[order].tolist()],
+            len(craft) if kept.pairs <= ALL_PAIRS else kept.pairs,
         )
 
     def __len__(self) -> int:
@@ -80,12 +87,12 @@ class Pairs:
             found[mine] = ratios
         return found
 
-    @property
+    @cached_property
     def hit(self) -> Any:
         """Mask (M,) of pairs: True for those in conflict."""
         return np.array([bool(stays) for stays in self.stays], dtype=bool)
 
-    @property
+    @cached_property
     def order(self) -> list[int]:
         """Indices of the pairs that share a time, closest first; of equal ones the earliest."""
         near = list(zip(self.ratio.tolist(), self.time.tolist(), strict=True))

@@ -4,7 +4,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isfinite
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -34,16 +34,8 @@ def above(spent: float, least: float) -> float | None:
     return spent / least - 1.0 if least > NEGLIGIBLE * spent else None
 
 
-class Weighed(Protocol):
-    """Object that states the unit in which propellant is printed."""
-
-    @property
-    def grams(self) -> bool:
-        """True if propellant is given in grams."""
-
-
-def in_grams(mission: Weighed, column: Column) -> Column:
-    """Return a column of propellant in the unit that the whole mission uses."""
+def in_grams(mission: Any, column: Column) -> Column:
+    """Return a column of propellant in grams if the mission or the simulation uses them."""
     if not mission.grams or column.heading is None:
         return column
     return replace(column, heading=column.heading.replace("[kg]", "[g]"), form="{:.2f}".format, scale=1e3)

@@ -83,12 +83,8 @@ def section(mission: Mission) -> Section:
     reach = Reach.of([result.after for result in executed])
     n, mu, chief = 2.0 * pi / mission.orbit.period, mission.scenario.orbit.mu, mission.scenario.chief
     orbit = Circle(n, mu or EARTH_MU) if chief is None else Circle(n, chief.mu, chief.eccentricity)
-    if isinstance(mission.orbit, ChiefOrbit):
-        (exact, far), tables = beside_chief(reach, mission.orbit, orbit, executed[-1].end)
-    else:
-        (exact, far), tables = beyond(reach, orbit, executed[-1].end)
-    lines = exact, *beside(mission, executed), far
-    return Section("Limits of the model", lines, (*tables, sure))
+    (exact, far), tables = beyond(reach, mission.orbit, orbit, executed[-1].end)
+    return Section("Limits of the model", (exact, *beside(mission, executed), far), (*tables, sure))
 
 
 def beside(mission: Mission, executed: list[StageResult[Any, Any]]) -> Iterator[str]:
@@ -117,31 +113,12 @@ def certain(rows: list[tuple[str, str]]) -> Table:
     return Table("Certified and estimated figures", SURE, rows)
 
 
-def beside_chief(
-    reach: Reach, motion: ChiefOrbit, orbit: Circle, duration: float
-) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Return lines and tables on the model error at a given reach beside a chief that is not on a circle."""
-    lines = (
-        f"Paths, conflicts and plans are exact for {motion._model}: small separations, no force but gravity "
-        "and the craft's own thrust, initial states as given.",
-        f"{farthest(reach)}. The table bounds the model error per orbit; the mission lasts "
-        f"{duration / motion.period:.3g} orbits.",
-    )
-    kept = [row for row in deviations(reach, orbit) if "eccentricity" not in row[0]]
-    if isinstance(motion.chief, OblateChief):
-        kept = [row for row in kept if "oblateness" not in row[0]]
-    return lines, (Table(BOUNDS, DEVIATIONS, kept),)
-
-
-def farthest(reach: Reach) -> str:
-    """Return the largest distance from the frame's origin as text."""
+def beyond(
+    reach: Reach, motion: Any, orbit: Circle, duration: float
+) -> tuple[tuple[str, str], tuple[Table, ...]]:
+    """Return lines and tables on the model error of `motion` at a reach, in a flight of a duration [s]."""
     where = f"{reach.distance:.1f} m ({reach.craft}, {reach.time:.1f} s)"
-    return f"Largest distance from the frame's origin: {where}"
-
-
-def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Return lines and tables on the model error at a given reach, in a flight of a duration [s]."""
-    far = farthest(reach)
+    far = f"Largest distance from the frame's origin: {where}"
     if not orbit.mean_motion:
         off = 0.5e-9 * duration**2
         return (
@@ -150,14 +127,18 @@ def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...
             "The model neglects solar radiation pressure and leaks: a difference of 1 nm/s² between craft "
             f"moves them {off:.3g} m apart in {duration:.1f} s, four times as far in twice the time. {far}.",
         ), ()
+    rows, model = [*deviations(reach, orbit)], "Hill's equations: a circular orbit, a point mass"
+    if isinstance(motion, ChiefOrbit):
+        model, known = motion._model, ["eccentricity"]
+        known += ["oblateness"] * isinstance(motion.chief, OblateChief)
+        rows = [row for row in rows if not any(cause in row[0] for cause in known)]
     orbits = duration * orbit.mean_motion / (2.0 * pi)
-    lines = (
-        "Paths, conflicts and plans are exact for Hill's equations: a circular orbit, a point mass, small "
-        "separations, no force but the craft's own thrust, initial states as given.",
+    return (
+        f"Paths, conflicts and plans are exact for {model}, small separations, no force but gravity and the "
+        "craft's own thrust, initial states as given.",
         f"{far}. The table bounds the model error per orbit; the mission lasts {orbits:.3g} orbits. Enlarge "
         "zones by the error that builds up until states are measured again.",
-    )
-    return lines, (Table(BOUNDS, DEVIATIONS, [*deviations(reach, orbit)]),)
+    ), (Table(BOUNDS, DEVIATIONS, rows),)
 
 
 def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
