@@ -161,8 +161,6 @@ def not_toml(text: str, error: Exception) -> str:
 def read(model: type[Model], raw: Mapping[str, Any], file: str) -> Model:
     """Return the validated contents of a file; raise ScenarioError with all errors within its tables."""
     lines, rows = rows_of(raw["craft"]) if "craft" in raw else ([], ())
-    if lines and not rows:
-        raise ScenarioError(file, lines)
     try:
         found = model.model_validate({**raw, "craft": rows} if "craft" in raw else raw)
     except ValidationError as error:

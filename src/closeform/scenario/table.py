@@ -334,6 +334,8 @@ def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Pla
     """Yield the place and the message of every error that pydantic found in a table."""
     for found in error.errors(include_url=False):
         place, value = found["loc"], found["input"]
+        if found["type"] == "too_short" and value:
+            continue  # pydantic does not count invalid items, which have errors of their own
         if found["type"] == UNKNOWN_VERB and isinstance(value, dict):
             place = *place, "do"
         for line in message(found, table).split("\n"):
