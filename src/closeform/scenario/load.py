@@ -189,7 +189,8 @@ def rows_of(table: Any) -> tuple[list[str], tuple[dict[str, Any], ...]]:
         if len(column) != count
     ]
     rows = (
-        {key: (column[k:] or column)[0] for key, column in columns.items() if column} for k in range(count)
+        {key: column[min(k, len(column) - 1)] for key, column in columns.items() if column}
+        for k in range(count)
     )
     return lines, tuple(rows)
 
