@@ -13,7 +13,7 @@ from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.safety.failures import ThrustLost
 from closeform.scenario.craft import MOST_TURN, Craft, SensorTable
-from closeform.scenario.end_conflicts import final_conflicts, zone_conflicts
+from closeform.scenario.end_conflicts import zone_conflicts
 from closeform.scenario.formation import Goal
 from closeform.scenario.quantity import Reader, shown
 from closeform.scenario.scenario import Scenario
@@ -56,7 +56,6 @@ def check(scenario: Scenario) -> list[str]:
     return [*suited(scenario), *spans(scenario, orbit)] or [
         *zone_conflicts(scenario, orbit),
         *too_blind(scenario, orbit),
-        *final_conflicts(scenario, orbit),
     ]
 
 

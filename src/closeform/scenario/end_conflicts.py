@@ -1,6 +1,6 @@
 """Conflicts that are known before any plan is computed: of initial states, and of final states."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -196,32 +196,3 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
             made = "" if (rule := kept.rule(one, other)) == REGION else f" ({rule})"
             found.append((one, other, f"{ratios[k]:.2f} x zone{made}"))
     return found, count
-
-
-def final_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Yield an error line for each pair in conflict at final states that are known before planning."""
-    for number, stage in enumerate(scenario.stages, 1):
-        if isinstance(stage, Reconfigure):
-            yield from conflicts_at_end(scenario, orbit, number, stage)
-
-
-def conflicts_at_end(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
-    """Yield an error line for each pair in conflict at the known final states of a stage."""
-    movers = stage.moving(scenario.names)
-    finals = stage.known(orbit, len(movers))
-    if finals is None or len(finals) < len(movers):
-        return
-    own = [scenario.keep_out[scenario.names.index(name)] for name in movers]
-    called: Sequence[str] = movers
-    if stage.assign:
-        # the assignment is open: final states are known only if like craft take all slots
-        if len(finals) > len(movers) or len(set(PairZones.of(own, called).kinds.tolist())) > 1:
-            return
-        called = [f"slot {k}" for k in range(1, len(finals) + 1)]
-    deep, count = inside(finals, PairZones.of(own, called))
-    remedy = "move them apart or make keep_out smaller"
-    for one, other, ratio in deep:
-        names = f"{called[one]} and {called[other]}"
-        yield f"stage[{number}].to: {names} end inside each other's zone, at {ratio}; {remedy}"
-    if count > len(deep):
-        yield f"stage[{number}].to: {count} pairs in all end inside each other's zone; {remedy}"
