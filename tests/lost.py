@@ -239,3 +239,9 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant
     told.positions, told.velocities = r + (told.duration - clock) * v, v
     told.sets = ([formation] if formation else []) + knowledge
     return told
+
+
+def with_kernel(positions, velocities):
+    """Add two distant spacecraft that lock at once, so that all others form knowledge sets."""
+    far = [[1e6, 0.0, 0.0], [1e6 + 100.0, 0.0, 0.0]]
+    return np.vstack([far, positions]), np.vstack([np.zeros((2, 3)), velocities])
