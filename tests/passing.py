@@ -6,17 +6,9 @@ from scipy.linalg import expm
 import closeform as cf
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
-
-
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
-
-
 ZONE = cf.Sphere(15.0)
-
-
 AHEAD = [0, 120, 0, 0, 0, 0]
-
-
 SLOW = np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2  # 120 m ahead: 4 % enter twice in two orbits
 
 
