@@ -5,7 +5,6 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.dynamics.force_model.field import GRAVITY_RADIUS
-from closeform.fuel.pulses import Pulses
 
 MU = cf.elements.EARTH_MU
 EPOCH = "2026-11-22T12:00:00"
@@ -118,36 +117,6 @@ def pushed(
 
         both = solve_ivp(rates, (begin, over), both, "DOP853", rtol=1e-9, atol=1e-4).y[:, -1]
     return axes_of(both[:6]) @ (both[6:9] - both[:3])
-
-
-STRONG = 0.02  # m/s^2
-GRID = 0.01  # s
-
-
-def on_times(
-    flights: cf.Simulation, seed: int, craft: int, pulses: Pulses
-) -> list[tuple[float, float, np.ndarray]]:
-    """Return start, end and thrust of each firing of a spacecraft: pulses, then corrections in the free time.
-
-    Free time is counted on a grid; the fired impulse is the commanded one.
-    """
-    found = [
-        (start, start + lasts, axis * STRONG)
-        for start, lasts, axis in zip(pulses.start, pulses.duration, pulses.direction, strict=True)
-    ]
-    ends = [*flights.ordered[1:], flights.times[-1]]
-    for begin, end, order in zip(flights.ordered, ends, flights.orders[seed, craft], strict=True):
-        for axis in np.flatnonzero(np.abs(order) > 1e-12):
-            way = np.sign(order[axis]) * np.eye(3)[axis]
-            grid = np.arange(begin, end, GRID)
-            free = np.ones(len(grid), dtype=bool)
-            for start, over, push in found[: len(pulses)]:
-                free &= ~((push @ way > 0.5 * STRONG) & (grid >= start) & (grid < over))
-            asked, left = max(round(abs(order[axis]) / STRONG / GRID), 1), grid[free]
-            on = left[(len(left) - asked) // 2 :][:asked]
-            runs = np.split(on, np.flatnonzero(np.diff(on) > 1.5 * GRID) + 1)
-            found += [(run[0], run[-1] + GRID, way * abs(order[axis]) / (asked * GRID)) for run in runs]
-    return found
 
 
 def flown_apart(path: cf.Path, field: cf.Field, times: np.ndarray) -> np.ndarray:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from simulated import chief, fired, flown, on_times, pushed, task
+from simulated import chief, fired, flown, pushed, task
+from test_pulsed_flight import on_times
 from tracked import CHIEF, FIELD, ORBIT, SIGHT, formation, kicked, swap
 
 BURNS = cf.Uncertainty(magnitude=0.02, pointing=0.03)

@@ -4,16 +4,45 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from simulated import STRONG, chief, on_times, pushed, task
+from closeform.fuel.pulses import Pulses
+from simulated import chief, pushed, task
 
 ORBIT, FIELD = chief().orbit, cf.Field(chief())
 SIGHT = cf.Navigation(0.5, 2e-3)
+STRONG = 0.02  # m/s^2
+GRID = 0.01  # s
 
 
 def swap(kind: str, turns: float = 0.45) -> tuple[cf.Path, float]:
     start, final, duration = task(ORBIT, 7, count=2, turns=turns)
     make = ORBIT.two_impulse if kind == "impulses" else ORBIT.transfer
     return make(start, final, duration), duration
+
+
+def on_times(
+    flights: cf.Simulation, seed: int, craft: int, pulses: Pulses
+) -> list[tuple[float, float, np.ndarray]]:
+    """Return start, end and thrust of each firing of a spacecraft: pulses, then corrections in the free time.
+
+    Free time is counted on a grid; the fired impulse is the commanded one.
+    """
+    found = [
+        (start, start + lasts, axis * STRONG)
+        for start, lasts, axis in zip(pulses.start, pulses.duration, pulses.direction, strict=True)
+    ]
+    ends = [*flights.ordered[1:], flights.times[-1]]
+    for begin, end, order in zip(flights.ordered, ends, flights.orders[seed, craft], strict=True):
+        for axis in np.flatnonzero(np.abs(order) > 1e-12):
+            way = np.sign(order[axis]) * np.eye(3)[axis]
+            grid = np.arange(begin, end, GRID)
+            free = np.ones(len(grid), dtype=bool)
+            for start, over, push in found[: len(pulses)]:
+                free &= ~((push @ way > 0.5 * STRONG) & (grid >= start) & (grid < over))
+            asked, left = max(round(abs(order[axis]) / STRONG / GRID), 1), grid[free]
+            on = left[(len(left) - asked) // 2 :][:asked]
+            runs = np.split(on, np.flatnonzero(np.diff(on) > 1.5 * GRID) + 1)
+            found += [(run[0], run[-1] + GRID, way * abs(order[axis]) / (asked * GRID)) for run in runs]
+    return found
 
 
 @pytest.mark.parametrize(
