@@ -1,16 +1,16 @@
 """Named relative orbits, as given in `start` and `to`."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from closeform.arrays import Floats
 from closeform.motion.elements.palmer import state_from_palmer
 from closeform.motion.elements.roe import state_from_scaled_roe
 from closeform.motion.orbit import Orbit
-from closeform.scenario.quantity import ANGLE, LENGTH, Reader
+from closeform.scenario.quantity import ANGLE, LENGTH, Either, Reader
 from closeform.scenario.table import (
     FileName,
     Groups,
@@ -30,17 +30,7 @@ Signed = Annotated[float, Reader(LENGTH)]
 CHEAPEST = "cheapest"
 
 
-def as_phase(value: Any) -> Any:
-    """Return an angle [rad], or None for the cheapest phase."""
-    if value == CHEAPEST:
-        return None
-    try:
-        return Reader(ANGLE)(value)
-    except ValueError as error:
-        raise ValueError(f'{error}, or "{CHEAPEST}"') from None
-
-
-Phase = Annotated[float | None, BeforeValidator(as_phase)]
+Phase = Annotated[float | None, Either(CHEAPEST, None, Reader(ANGLE))]
 
 
 class Shape(Table):

@@ -240,6 +240,27 @@ class Parts:
         return core_schema.no_info_before_validator_function(self, handler(source))
 
 
+@dataclass(frozen=True)
+class Either:
+    """Reader of a `word`, which stands for a value, or else of a quantity."""
+
+    word: str
+    value: Any
+    reader: Reader
+
+    def __call__(self, given: Any) -> Any:
+        if given == self.word:
+            return self.value
+        try:
+            return self.reader(given)
+        except ValueError as error:
+            raise ValueError(f"{error}, or {shown(self.word)}") from None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return the schema of a key whose annotation names this reader."""
+        return core_schema.no_info_before_validator_function(self, handler(source))
+
+
 def span(seconds: float) -> str:
     """Return a time [s] as text, in hours or minutes if it is at least two of these."""
     for unit, name in ((3600.0, "h"), (60.0, "min")):
