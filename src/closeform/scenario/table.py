@@ -166,7 +166,7 @@ class Table(BaseModel):
         for other, values in only_if.items():
             if getattr(self, other) not in values:
                 either = " or ".join(map(json.dumps, values))
-                yield f"{key} requires {self.key_of(other)} = {either}; remove {key}"
+                yield f"{key} requires {self.key_of(other)} = {either}; change or remove one of them"
 
     def one_of(self, names: Sequence[str]) -> Iterator[str]:
         """Yield a flaw unless exactly one of the keys is given."""
