@@ -192,15 +192,20 @@ class Formation(Table):
         return None if self.shape is None else self.line is None
 
 
-class Start(Formation):
-    """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
+class RelativeElements(Table):
+    """Elements of a relative orbit, as lengths."""
 
     palmer: SixLengths | None = setting(
-        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2 at the start, as lengths"
+        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2, as lengths"
     )
     roe: SixLengths | None = setting(
         '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
+
+
+class Start(RelativeElements, Formation):
+    """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
+
     inertial: Inertial | None = setting(
         '"6928 0.1 0 km, 0 -1.003 7.518 km/s"', "position and velocity in the chief's frame"
     )
@@ -222,18 +227,12 @@ class Start(Formation):
         return self.inertial is not None or self.oem is not None
 
 
-class Target(Table):
+class Target(RelativeElements):
     """Table `to`: the state that one craft moves to, relative to the formation's origin."""
 
     position: Position | None = setting('"0 100 0 m"', "position relative to the origin", needs="velocity")
     velocity: Velocity | None = setting(
         '"0 0 0 m/s"', "velocity relative to the origin", only_with="position"
-    )
-    palmer: SixLengths | None = setting(
-        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2 at the end, as lengths"
-    )
-    roe: SixLengths | None = setting(
-        '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
 
     alternatives: ClassVar[Groups] = (("position", "palmer", "roe"),)

@@ -127,6 +127,7 @@ class ArrivalTolerance(Table):
 class Thrusting(Engine, Drifting):
     """Stage with thrust: the cost to minimize, the engine and the failure to consider."""
 
+    within: Span = setting('"0.5 orbits"', "duration", ...)
     arrival: ArrivalTolerance = setting(
         '{ position = "1 m", velocity = "1 mm/s" }',
         "maximum arrival error of thruster pulses; a larger one gives status 1",
@@ -266,7 +267,6 @@ class Avoid(Clearing):
         '{ position = "0 100 0 m", velocity = "0 0 0 m/s" }',
         "destination; by default the end of its coast",
     )
-    within: Span = setting('"0.5 orbits"', "duration", ...)
     method: Literal["exact", "sauter-palmer"] = setting(
         '"exact"', 'planning method; "sauter-palmer" in an orbit and for minimum energy', "exact"
     )
@@ -334,7 +334,6 @@ class Transfer(Thrusting):
     keeps_out = False
     craft: Name | None = setting('"F1"', "spacecraft that moves; by default the only one")
     to: Destination = setting('{ position = "0 100 0 m", velocity = "0 0 0 m/s" }', "destination", ...)
-    within: Span = setting('"0.5 orbits"', "duration", ...)
 
     def moving(self, names: Names) -> Names:
         return (self.craft or names[0],)
@@ -351,7 +350,6 @@ class Transfer(Thrusting):
 class Joint(Clearing):
     """Stage in which the whole formation moves."""
 
-    within: Span = setting('"0.5 orbits"', "duration", ...)
     plan: Literal["joint", "sequential", "distributed"] = setting(
         '"joint"',
         "planning of all spacecraft together, or for minimum energy one after another, or by each on its own",
