@@ -605,7 +605,7 @@ def fits(scenario: Scenario, key: str, reader: Reader, value: float) -> bool:
     section, _, name = key.rpartition(".")
     tables = scenario.craft if section == "craft" else (attrgetter(section)(scenario),)
     fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
-    return not any(table.model_copy(update={fields[name]: value}).all_flaws() for table in tables)
+    return not any([*table.model_copy(update={fields[name]: value}).flaws()] for table in tables)
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
