@@ -91,12 +91,8 @@ class Table(BaseModel):
             words = [word for part in parts for word in choices(part)]
             example = " or ".join(words) or (field.examples or [""])[0]
             default = "required" if field.is_required() else default_text(field)
-            yield (
-                cls.key_of(name),
-                example,
-                default,
-                "; ".join([field.description or "", *cls.rules_of(name)]),
-            )
+            meaning = "; ".join([field.description or "", *cls.rules_of(name)])
+            yield cls.key_of(name), example, default, meaning
 
     @classmethod
     def rules_of(cls, name: str) -> Iterator[str]:
