@@ -215,8 +215,6 @@ CALLS = {
     "plots.trade": inputs(
         found=cf.transfer_cost_table(ORBIT, START[0], START, np.array([900.0, 1800.0])),
         plan=[MOVE],
-        fired=2.0,
-        asked=1800.0,
     ),
     "plots.clearance": inputs(found=cf.clearance_cost_curve(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
     "plots.pulses": inputs(firing=cf.fire_thrusters(MOVE, SIX), craft=0),

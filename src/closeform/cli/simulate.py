@@ -57,7 +57,7 @@ def simulate(
         Replace finished results.
     """
     from closeform.results.load import LoadedRun, load
-    from closeform.scenario.checks import replanning_errors
+    from closeform.scenario.checks import not_anew
     from closeform.storage.publishing import check_free
     from closeform.storage.result_folder import SUMMARY
 
@@ -78,7 +78,7 @@ def simulate(
         raise UsageError(
             f"{directory}: no stage was executed, {run.stopped}; change the scenario, and run it again"
         )
-    for why, without in replanning_errors(run.scenario) if control == "replan" else ():
+    for why, without in not_anew(run.scenario) if control == "replan" else ():
         raise UsageError(f"--control: {why} in {directory}; use --control track, or a run with {without}")
     from closeform.dynamics.infeasible import Infeasible
     from closeform.mission.simulation import SimulatedRun, usually_led

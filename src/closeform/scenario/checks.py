@@ -47,7 +47,7 @@ def check(scenario: Scenario) -> list[str]:
             zero_covariances,
             search_errors,
             coincident_starts,
-            simulation_errors,
+            in_flight,
             draw_errors,
             field_errors,
             drag_errors,
@@ -474,7 +474,7 @@ def drag_errors(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def simulation_errors(scenario: Scenario) -> Iterator[str]:
+def in_flight(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each setting that a simulation, or a margin for one, does not support."""
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
     if autos or scenario.flights is not None:
@@ -485,7 +485,7 @@ def simulation_errors(scenario: Scenario) -> Iterator[str]:
     if scenario.flights is None:
         return
     if scenario.flights.control == "replan":
-        for why, without in replanning_errors(scenario):
+        for why, without in not_anew(scenario):
             yield f'simulation.control: {why}; write control = "track", or give {without}'
     if scenario.study is not None and scenario.study.draws != "vary":
         yield "study.draws: cannot be combined with [simulation]; remove one of them"
@@ -500,10 +500,10 @@ def simulated_thrusters(scenario: Scenario) -> list[Thrusters | None]:
 
     Raises ValueError, with the key of the stage, if a craft has other thrusters in that stage.
     """
-    return [craft_throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
+    return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
 
 
-def craft_throughout(scenario: Scenario, k: int) -> Craft:
+def throughout(scenario: Scenario, k: int) -> Craft:
     """Return a craft with the engine that it uses in every stage in which it moves."""
     name, first = scenario.names[k], None
     for number, stage in enumerate(scenario.stages, 1):
@@ -521,7 +521,7 @@ def craft_throughout(scenario: Scenario, k: int) -> Craft:
     return first or scenario.craft[k]
 
 
-def replanning_errors(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield each reason why a simulation cannot replan, with the remedy."""
     if len(scenario.stages) > 1:
         yield f"replan supports one stage, and there are {len(scenario.stages)}", "one stage"
