@@ -8,99 +8,41 @@ import numpy as np
 import closeform as cf
 
 ORBIT = cf.Orbit(1.1e-3)
-
-
 START = np.array([[0.0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], [0, 60, 80, 0, 0, 0]])
-
-
 TIMES = np.array([9.0, 8.0, 7.0])
-
-
 COAST = ORBIT.coast(START, 900.0)
-
-
 MOVE = ORBIT.transfer(START[0], START[1], 900.0)
-
-
 REST = ORBIT.coast(np.zeros(6), 900.0)
-
-
 BALL = cf.Sphere(20.0)
-
-
 SEARCH = cf.Search.modified(cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43)
-
-
 PLACE, SPEED = np.array([300.0, -200.0, 100.0]), np.array([0.02, 0.01, -0.03])
-
-
 PLACES, SPEEDS = np.array([PLACE, -PLACE, 0 * PLACE]), np.array([SPEED, -SPEED, 0 * SPEED])
-
-
 CHIEF = np.array([7e6, 0.0, 0.0, 0.0, 7546.05, 0.0])
-
-
 DEPUTY = CHIEF + [10.0, 20.0, 30.0, 0.01, 0.02, 0.03]
-
-
 ELEMENTS = np.array([7e6, 0.3, 1e-3, 2e-3, 1.0, 0.5])
-
-
 ROE = np.array([1e-6, 2e-5, 1e-6, 3e-6, 2e-6, 1e-6])
-
-
 TABLE = cf.Ephemeris(
     *("A", "2020-001A", "EARTH", "GCRF", "UTC", "2020-01-01T00:00:00"),
     np.array([0.0, 60.0]),
     np.array([CHIEF, [6985270.0, 451800.0, 0, -487.8, 7530.3, 0]]),
 )
-
-
 SIX = cf.Thrusters.rtn(acceleration=1.0, period=90.0)
-
-
 GATHERED = cf.gather(SEARCH, PLACES, SPEEDS)
-
-
 KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
-
-
 NEAR = ORBIT.coast(np.array([0.0, 30.0, 0.0, 0.0, 0.0, 0.0]), 900.0)
-
-
 STAYS = ORBIT.coast(np.zeros(6), 1800.0)
-
-
 MOVES = ORBIT.transfer(START, START[::-1], 900.0)
-
-
 MESSAGE = np.diag([4.0, 30.0, 3.0, 0.03, 0.004, 0.003]) ** 2
-
-
 OBJECTS = [
     cf.ConjunctionObject(name, name, "GCRF", state, MESSAGE, radius=2.0)
     for name, state in (("A", CHIEF), ("B", DEPUTY))
 ]
-
-
 MEETING = cf.Conjunction("2020-01-01T00:00:00", OBJECTS)
-
-
 LOW = cf.Chief("2020-01-01T00:00:00", CHIEF)
-
-
 WORDS = "UNKNOWN", "EARTH", "GCRF", "TAI", "2020-01-01T00:00:00", [0.0, 60.0]
-
-
 ROWS = LOW.states([0.0, 60.0])
-
-
 TOGETHER = cf.common_frame([cf.Ephemeris("A", *WORDS, ROWS), cf.Ephemeris("B", *WORDS, ROWS + 10.0)])
-
-
 AIR = cf.Drag(5e-13, 5e5, 6e4, ballistic=0.02, chief=0.01)
-
-
 BLOCK = cf.Covariances([0.0], MESSAGE[None], ["RTN"])
 
 

@@ -10,7 +10,6 @@ Figures only; the words are our own.
 PARTS = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
 KEYS = [f"C{PARTS[row]}_{PARTS[column]}" for row in range(6) for column in range(row + 1)]
 UNITS = ["m**2", "m**2/s", "m**2/s**2"]
-
 HEAD = """\
 CCSDS_CDM_VERS = 1.0
 CREATION_DATE = {tca}
@@ -121,7 +120,6 @@ SLOW_HEAD = {
     "rest": "COMMENT HBR = 15.0\n",
 }
 SLOW = message(SLOW_HEAD, SLOW_FIRST, SLOW_SECOND)
-
 MEDIUM_FIRST = {
     "designator": "1001",
     "name": "PRIMARY",
@@ -188,7 +186,6 @@ MEDIUM_HEAD = {
     "rest": "COMMENT HBR = 4.0\n",
 }
 MEDIUM = message(MEDIUM_HEAD, MEDIUM_FIRST, MEDIUM_SECOND)
-
 FAST_HEAD = {
     "id": "000055051_conj_000045214_2023186203115_18614093864417",
     "tca": "2023-07-05T20:31:15.893",

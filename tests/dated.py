@@ -23,11 +23,7 @@ to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
 within = "5 min"
 cost = "delta-v"
 """
-
-
 MEETING = 'position = ["0 0 0 m", "0 25 0 m"]\nvelocity = ["0 0 0 m/s", "0 -1 0 m/s"]'
-
-
 CIRCLE = 'semi_major_axis = "7000 km", inclination = "97.6 deg", ascending_node = "30 deg"'
 
 

@@ -4,7 +4,9 @@ The hold is ahead of the client or behind it, at rest; rings are those of `ring_
 by eccentricity and inclination vanishes at the hold, so that what drifts off near it crosses the track.
 """
 
+import json
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -27,3 +29,8 @@ def hold_and_ring(orbit: cf.Orbit, rng: np.random.Generator, k: int) -> tuple[st
 def hold_transfers() -> tuple[RingTransfer, ...]:
     """Ten of them; without a plan some failure leads into the zone."""
     return unsafe_transfers(SEED, NUMBER, ORBITS, hold_and_ring)
+
+
+COSTS = json.loads((Path(__file__).parent / "data" / "hold_costs.json").read_text(encoding="utf-8"))
+DEARER = 1.01
+SEVERAL = {2: 1.03, 3: 1.4, 6: 1.25}  # neighbouring local optima

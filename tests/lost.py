@@ -15,7 +15,6 @@ import bodies
 SUNWARD = np.array([0.0, 0.0, -1.0])
 START = {"A": np.array([1.0, 0.0, 0.0]), "B": np.array([-1.0, 0.0, 0.0])}  # boresights
 STEP = 6.0  # s; 1.5 deg of rotation at 0.25 deg/s
-
 # turns of one search: (about, angle), or a multiple of the tip angle
 MODIFIED = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, ("sun", np.pi), -2, 1]
 BASIC = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, -1]
@@ -239,3 +238,9 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant
     told.positions, told.velocities = r + (told.duration - clock) * v, v
     told.sets = ([formation] if formation else []) + knowledge
     return told
+
+
+def with_kernel(positions, velocities):
+    """Add two distant spacecraft that lock at once, so that all others form knowledge sets."""
+    far = [[1e6, 0.0, 0.0], [1e6 + 100.0, 0.0, 0.0]]
+    return np.vstack([far, positions]), np.vstack([np.zeros((2, 3)), velocities])

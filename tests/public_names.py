@@ -10,6 +10,34 @@ import closeform as cf
 
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "CommonFrame", "Conflict", "Path", "Screening", "Zone"}
+RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
+RESULTS |= {"GatherStatus", "Gathering", "Gatherings", "Locks"}
+RESULTS |= {"LockProof", "LongestLock"}
+RESULTS |= {
+    "TransferCostTable",
+    "Bound",
+    "Encounter",
+    "ThrusterFiring",
+    "Probability",
+    "SigmaApproach",
+}
+RESULTS |= {"ClearanceCostCurve", "MaxClearance", "ShadowPrice"}
+RESULTS |= {
+    "DriftApproach",
+    "DriftScreening",
+    "CompensatedThrust",
+    "Validity",
+    "Simulation",
+    "Tube",
+}
+RESULTS |= {
+    "TrackingMargins",
+}
+RESULTS |= {
+    "Plan",
+    "Search",
+    "papers.TheoremCase",
+}
 
 
 def members(owner: type) -> Iterator[tuple[str, Any]]:

@@ -51,8 +51,6 @@ AFTER = """
 do = "coast"
 for = "100 s"
 """
-
-
 FIRST = """
 [[stage]]
 name = "drift"
@@ -72,14 +70,8 @@ def searched(before: str = "", after: str = "", keep_out: str = '{ sphere = "10 
 
 
 PLACES = '["0 0 0 m", "-100 0 0 m", "0 90 200 m"]'  # not in view of each other
-
-
 MOVING = '["0 0 0 cm/s", "1 2 3 cm/s", "-2 1 -4 cm/s"]'
-
-
 N = np.sqrt(398600.4418e9 / 6878137.0**3)  # rad/s at 500 km, Kepler
-
-
 G0 = 9.80665
 
 

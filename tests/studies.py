@@ -7,11 +7,7 @@ from pathlib import Path
 from field_scenario import IN_AIR, swap
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-
-
 S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
-
-
 # Three spacecraft with sensors too narrow for their tips: some pairs never lock.
 NARROW = """\
 closeform = 1
@@ -41,8 +37,6 @@ sampled = ["60 s"]
 "craft.velocity" = { normal = "5 cm/s" }
 "craft.position" = { shell = ["50 m", "200 m"] }
 """
-
-
 GATHERING = NARROW.replace('do = "lock"', 'do = "gather"').replace('sampled = ["60 s"]\n', "")
 
 
@@ -96,13 +90,9 @@ draws = "replanned"
 [study.vary]
 "craft.mass" = { uniform = "20 kg" }
 """
-
-
 NEAR = TWICE.replace(
     'draws = "replanned"\n\n[study.vary]\n"craft.mass" = { uniform = "20 kg" }', 'draws = "errors"'
 )
-
-
 STATION = re.sub(r"(covariance|execution|draws) = .*\n", "", TWICE).replace(
     "[study.vary]\n",
     '[study.vary]\n"craft.fails" = { chance = 0.5 }\n"craft.velocity" = { ball = "1 cm/s" }\n',
@@ -112,17 +102,9 @@ FAILS = STATION.replace(
     'do = "transfer"\ncraft = "B"\nwithin = "0.1 orbits"\n'
     'to = { position = "0 0 5 m", velocity = "0 0 0 m/s" }\n',
 )
-
-
 ERRORS = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
-
-
 FLIGHT = "\n[simulation]\nseeds = {seeds}\n"
-
-
 COAST = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
-
-
 STUDY = """
 [study]
 cases = 20
@@ -135,15 +117,11 @@ seed = 7
 "navigation.position" = { uniform = "5 cm" }
 "feedback.delay" = { choice = ["0 s", "20 s"] }
 """
-
-
 MANY = swap(
     **IN_AIR,
     craft='ballistic = ["0.02 m^2/kg", "0.022 m^2/kg"]\nthrust_error = "1 %, 1 deg"',
     more=COAST + ERRORS + '\n[feedback]\nevery = "60 s"\n' + FLIGHT.format(seeds=100) + STUDY,
 )
-
-
 PASS = """\
 closeform = 1
 title = "Past a station that is not where it should be"
@@ -178,8 +156,6 @@ seed = 11
 "craft.velocity" = { ball = "5 mm/s" }
 "craft.mass" = { uniform = "20 kg" }
 """
-
-
 LOST = """\
 closeform = 1
 title = "Six with short range"

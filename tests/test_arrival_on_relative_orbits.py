@@ -13,7 +13,7 @@ from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.report.sections import moves
 from closeform.scenario import ScenarioError, parse
-from test_least_delta_v_plans import rates
+from delta_v_plans import rates
 
 FILE = """\
 closeform = 1

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from test_field import MU, chief, flown
+from simulated import MU, chief, flown
 
 ROOT = Path(__file__).parents[1]
 RATES = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])  # of an orbit: positions and velocities of one size

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 
 import closeform as cf
+from passive_plans import MATRIX, failed_states, fired, least_ratio
 from ring_transfers import ring_transfers
-from test_passive_delta_v import MATRIX, failed_states, fired, least_ratio
 
 SIGMAS = 3.0
 KNOWN = np.diag([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2

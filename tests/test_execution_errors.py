@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from test_field import chief, fired, flown, pushed, task
+from simulated import chief, fired, flown, pushed, task
 from test_pulsed_flight import on_times
-from test_tracking_margins import CHIEF, FIELD, ORBIT, SIGHT, formation, kicked, swap
+from tracked import CHIEF, FIELD, ORBIT, SIGHT, formation, kicked, swap
 
 BURNS = cf.Uncertainty(magnitude=0.02, pointing=0.03)
 PLANNED, BACKWARD, STRUCK = 1, 2, 3

@@ -15,21 +15,7 @@ import closeform as cf
 from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
 from closeform.dynamics.model_error_estimate import MOVES, model_error
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
-
-MU = cf.elements.EARTH_MU
-EPOCH = "2026-11-22T12:00:00"
-J2 = 1.082635854e-3
-
-
-def chief(e: float = 1e-3, inclination: float = 0.9, a: float = 6.878e6, latitude: float = 0.7) -> cf.Chief:
-    return cf.Chief.from_elements(EPOCH, [a, latitude, e, 0.0, inclination, 0.3])
-
-
-def task(orbit: cf.Orbit, seed: int, count: int = 2, size: float = 400.0, turns: float = 1.2):
-    draws = np.random.default_rng(seed)
-    scale = size * np.repeat([1.0, orbit.mean_motion], 3)
-    return *(draws.normal(size=(2, count, 6)) * scale), turns * orbit.period
-
+from simulated import EPOCH, MU, axes_of, chief, fired, flown, pushed, task, textbook
 
 # --- forces -----------------------------------------------------------------------------------
 
@@ -79,15 +65,6 @@ def test_atmosphere_rotates_with_the_earth():
 # --- motion of the chief ------------------------------------------------------------------------
 
 
-def textbook(place: np.ndarray) -> np.ndarray:
-    """Return the acceleration of a point mass and J2 (Vallado 2013, 8-30) at positions (..., 3)."""
-    r = np.linalg.norm(place, axis=-1, keepdims=True)
-    square = (place[..., 2:] / r) ** 2
-    factor = 1.5 * J2 * (GRAVITY_RADIUS / r) ** 2
-    shape = 1.0 + factor * (1.0 - 5.0 * square) + 2.0 * factor * np.array([0.0, 0.0, 1.0])
-    return -MU / r**3 * place * shape
-
-
 def test_chief_moves_in_the_field():
     field, times = cf.Field(chief()), np.array([4000.0, -1700.0, 0.0, 9000.0])
     states = field.chief_states(times)
@@ -127,13 +104,6 @@ def test_chief_along_an_ephemeris():
 # --- relative motion ----------------------------------------------------------------------------
 
 
-def axes_of(state: np.ndarray) -> np.ndarray:
-    radial = state[:3] / np.linalg.norm(state[:3])
-    normal = np.cross(state[:3], state[3:])
-    normal /= np.linalg.norm(normal)
-    return np.stack([radial, np.cross(normal, radial), normal])
-
-
 def test_cross_track_force_rotates_the_frame():
     """Relative velocity is the rate of relative position in the rotating axes of the chief."""
     field, dt = cf.Field(chief()), 0.02
@@ -155,38 +125,6 @@ def test_cross_track_force_rotates_the_frame():
     assert cf.elements.inertial_from_relative(
         now, arcs, "arc", acceleration=textbook(now[:3])
     ) == pytest.approx(deputy)
-
-
-def turn_of(state: np.ndarray) -> np.ndarray:
-    """Return the angular velocity (3,) of the chief's axes, in these axes, by finite differences."""
-    dt, felt = 0.05, textbook(state[:3])
-    ahead, behind = (
-        axes_of(np.concatenate([state[:3] + t * state[3:] + 0.5 * t * t * felt, state[3:] + t * felt]))
-        for t in (dt, -dt)
-    )
-    rate = axes_of(state) @ ((ahead - behind) / (2.0 * dt)).T
-    return np.array([rate[2, 1], rate[0, 2], rate[1, 0]])
-
-
-def flown(path: cf.Path, start: np.ndarray, duration: float, command) -> np.ndarray:
-    """Return relative positions (N, 3) after DOP853 under the thrust `command(time)` (N, 3)."""
-    origin = chief().state
-    axes, turn = axes_of(origin), turn_of(origin)
-    craft = np.hstack(
-        [origin[:3] + start[:, :3] @ axes, origin[3:] + (start[:, 3:] + np.cross(turn, start[:, :3])) @ axes]
-    )
-
-    def rates(t, y):
-        states = y.reshape(-1, 6)
-        felt = textbook(states[:, :3])
-        felt[1:] += command(t) @ axes_of(states[0])
-        return np.hstack([states[:, 3:], felt]).ravel()
-
-    end = solve_ivp(
-        rates, (0.0, duration), np.vstack([origin, craft]).ravel(), "DOP853", rtol=1e-11, atol=1e-6
-    )
-    states = end.y[:, -1].reshape(-1, 6)
-    return (states[1:, :3] - states[0, :3]) @ axes_of(states[0]).T
 
 
 def test_compensated_thrust_reaches_the_planned_end():
@@ -317,56 +255,6 @@ def test_limit_and_columns_of_compensated_thrust():
 
 
 # --- impulses -----------------------------------------------------------------------------------
-
-
-def beside(origin: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return inertial states (12,) of a chief and of a spacecraft at `start` (6,) in its axes."""
-    axes = axes_of(origin)
-    swung = start[3:] + np.cross(turn_of(origin), start[:3])
-    return np.concatenate([origin, origin[:3] + start[:3] @ axes, origin[3:] + swung @ axes])
-
-
-def fired(start, times, impulses, duration: float) -> np.ndarray:
-    """Return the state (6,) of a spacecraft after DOP853 with impulses, all in the chief's axes."""
-    both = beside(chief().state, start)
-
-    def rates(t, y):
-        states = y.reshape(2, 6)
-        return np.hstack([states[:, 3:], textbook(states[:, :3])]).ravel()
-
-    now = 0.0
-    for time, impulse in zip([*times, duration], [*impulses, np.zeros(3)], strict=True):
-        if time > now:
-            both = solve_ivp(rates, (now, time), both, "DOP853", rtol=1e-11, atol=1e-6).y[:, -1]
-        both[9:] += impulse @ axes_of(both[:6])
-        now = time
-    off = (both[6:] - both[:6]).reshape(2, 3) @ axes_of(both[:6]).T
-    off[1] -= np.cross(turn_of(both[:6]), off[0])
-    return off.ravel()
-
-
-def pushed(
-    origin: np.ndarray,
-    start: np.ndarray,
-    burns: list[tuple[float, float, np.ndarray]],
-    span: tuple[float, float],
-) -> np.ndarray:
-    """Return the final position (3,) of a spacecraft after DOP853 with burns (from, to, thrust).
-
-    `start` (6,), thrust and result are in the axes of the chief, whose inertial state is `origin` (6,).
-    """
-    both, ends = beside(origin, start), np.unique([*span, *(edge for one in burns for edge in one[:2])])
-    for begin, over in zip(ends[:-1], ends[1:], strict=True):
-        push = sum((way for on, off, way in burns if on <= begin and off >= over), np.zeros(3))
-
-        def rates(t, y, push=push):
-            states = y.reshape(2, 6)
-            felt = textbook(states[:, :3])
-            felt[1] += push @ axes_of(states[0])
-            return np.hstack([states[:, 3:], felt]).ravel()
-
-        both = solve_ivp(rates, (begin, over), both, "DOP853", rtol=1e-9, atol=1e-4).y[:, -1]
-    return axes_of(both[:6]) @ (both[6:9] - both[:3])
 
 
 @pytest.mark.parametrize("kind", ["impulsive", "two_impulse"])

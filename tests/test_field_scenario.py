@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.cli.app import main
@@ -13,32 +12,12 @@ from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
 from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
 from field_scenario import AIR, swap
-from test_field import axes_of, textbook
+from simulated import flown_apart, textbook
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
 BALLISTIC = 'ballistic = ["0.02 m^2/kg", "0.022 m^2/kg"]'
 CHIEF_FEELS = 'ballistic = "0.02 m^2/kg"'
-
-
-def flown_apart(path: cf.Path, field: cf.Field, times: np.ndarray) -> np.ndarray:
-    """Return relative positions (N, T, 3) under planned thrust by DOP853 in a textbook's J2."""
-    origin = field.chief.state
-    felt = textbook(origin[:3])
-    start = cf.elements.inertial_from_relative(origin, path.state(0.0), acceleration=felt)
-    end = float(path.end[0])
-
-    def rates(t, y):
-        states = y.reshape(-1, 6)
-        felt = textbook(states[:, :3])
-        felt[1:] += path.thrust(min(t, end)) @ axes_of(states[0])
-        return np.hstack([states[:, 3:], felt]).ravel()
-
-    first = np.vstack([origin, start]).ravel()
-    found = solve_ivp(rates, (0.0, end), first, "DOP853", times, rtol=1e-11, atol=1e-6)
-    states = found.y.T.reshape(len(times), -1, 6)
-    axes = np.stack([axes_of(one[0]) for one in states])
-    return np.einsum("tij,tnj->nti", axes, states[:, 1:, :3] - states[:, :1, :3])
 
 
 def test_predicted_violation_is_in_the_verdict():

@@ -16,10 +16,9 @@ from closeform.search.gathering.burn_errors import BurnErrors
 from closeform.search.gathering.gather import gather, gather_with_burn_errors
 from closeform.search.gathering.problem import gathering_problem
 from closeform.search.gathering.result import EventKind, GatherStatus
-from lost import BASIC, Sky, gathered
+from lost import BASIC, Sky, gathered, with_kernel
 from philox import block
 from studies import LOST
-from test_knowledge_set_corrections import with_kernel
 from turns import turns
 
 RATE, TIP = np.radians(0.25), np.radians(25.0)

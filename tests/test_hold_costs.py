@@ -7,8 +7,8 @@ import pytest
 
 import closeform as cf
 from hold_transfers import hold_transfers
+from passive_plans import failed_states, fired, least_ratio
 from ring_transfers import ring_transfers
-from test_passive_delta_v import failed_states, fired, least_ratio
 
 ORBIT = cf.Orbit.circular(500e3)
 HOLD = np.array([0.0, -200.0, 0.0, 0.0, 0.0, 0.0])

@@ -1,19 +1,12 @@
 """Passively safe plans of minimum delta-v from and to V-bar holds: safety, ends and cost."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import closeform as cf
 from closeform.planning.delta_v.firing_times import Moments, blended
-from hold_transfers import NUMBER, hold_transfers
-from test_passive_delta_v import failed_states, fired, least_ratio
-
-COSTS = json.loads((Path(__file__).parent / "data" / "hold_costs.json").read_text(encoding="utf-8"))
-DEARER = 1.01
-SEVERAL = {2: 1.03, 3: 1.4, 6: 1.25}  # neighbouring local optima
+from hold_transfers import COSTS, DEARER, NUMBER, SEVERAL, hold_transfers
+from passive_plans import failed_states, fired, least_ratio
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,9 @@ from closeform.planning.delta_v import delta_v_search
 from closeform.planning.delta_v.burn_solver import apart
 from closeform.planning.delta_v.firing_times import Moments, blended
 from closeform.planning.delta_v.impulse_solver import ImpulseSolver
-from hold_transfers import NUMBER, hold_transfers
+from hold_transfers import COSTS, DEARER, NUMBER, SEVERAL, hold_transfers
+from passive_plans import MATRIX, least_ratio
 from ring_transfers import RADIUS, ring_transfers
-from test_hold_delta_v import COSTS, DEARER, SEVERAL
-from test_passive_delta_v import MATRIX, least_ratio
 
 FULL = 1.0 + 1e-9  # of a limit
 

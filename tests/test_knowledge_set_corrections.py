@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import closeform as cf
 from closeform.zones.shapes import CUBE
+from lost import with_kernel
 
 SEARCH = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), np.radians(0.25), np.radians(25.0))
 TILTED = Rotation.from_euler("zyx", [40.0, 25.0, -60.0], degrees=True).as_matrix()
@@ -17,12 +18,6 @@ ZONES = {
     "ellipsoid": cf.Ellipsoid((30.0, 20.0, 10.0), TILTED),
     "box": cf.Box((20.0, 15.0, 12.0), TILTED),
 }
-
-
-def with_kernel(positions, velocities):
-    """Add two distant spacecraft that lock at once, so that all others form knowledge sets."""
-    far = [[1e6, 0.0, 0.0], [1e6 + 100.0, 0.0, 0.0]]
-    return np.vstack([far, positions]), np.vstack([np.zeros((2, 3)), velocities])
 
 
 def hits(zone, r, v):

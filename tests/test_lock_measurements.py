@@ -9,7 +9,7 @@ from closeform.campaign import case_of, evaluated
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.scenario import ScenarioError, parse
-from test_knowledge_set_corrections import with_kernel
+from lost import with_kernel
 
 DEGREE = np.pi / 180
 IN_RANGE, IN_BEARING, INTERVAL = 0.05, 0.03 * DEGREE, 8.0

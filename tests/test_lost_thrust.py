@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.campaign import case_of, evaluated
@@ -13,18 +12,12 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import parse
+from drifting_formation import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
 from field_scenario import swap
-from test_field import axes_of, chief, textbook
+from simulated import chief
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-FIELD = cf.Field(chief())
-ORBIT = FIELD.chief.orbit
-START = np.array([[0, 400, 0, 0, 0, 0], [0, 0, 300, 0, 0, 0], [0, -200, 50, 0, 0, 0.0]])
-ENDS = np.array([[0, -300, 200, 0, 0, 0], [0, 50, 0, 0, 0, 0], [100, 0, 0, 0, 0, 0.0]])
-SPAN = 3000.0
-OWN = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-4, period=30.0)
-SIGHT, OFF = cf.Navigation(0.1, 3e-4), (0.01, 0.01)
 LOST = 1234.567  # s; between measurements, during a burn
 KINDS = {
     "thrust that lasts": ("transfer", {}),
@@ -32,20 +25,6 @@ KINDS = {
     "impulses": ("two_impulse", {}),
     "pulses of one": ("transfer", {"thrusters": [None, OWN, None]}),
 }
-
-
-def drifted(start: float, state: np.ndarray, end: float, field: cf.Field = FIELD) -> np.ndarray:
-    """Return the position after a drift by DOP853 in J2, in the chief's axes."""
-    origin = field.chief_states([start])[0]
-    felt = textbook(origin[:3])
-    both = np.vstack([origin, cf.elements.inertial_from_relative(origin, state, acceleration=felt)])
-
-    def rates(t, y):
-        states = y.reshape(2, 6)
-        return np.hstack([states[:, 3:], textbook(states[:, :3])]).ravel()
-
-    both = solve_ivp(rates, (start, end), both.ravel(), "DOP853", rtol=1e-11, atol=1e-6).y[:, -1]
-    return axes_of(both[:6]) @ (both[6:9] - both[:3])
 
 
 @pytest.mark.parametrize("kind", KINDS)

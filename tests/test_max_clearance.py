@@ -5,8 +5,8 @@ import pytest
 
 import closeform as cf
 from closeform.planning.max_clearance import ClearanceStatus
-from test_least_delta_v_plans import passage
-from test_shadow_prices import OTHER, PATH, TILT, swapping
+from delta_v_plans import passage
+from swaps import OTHER, PATH, TILT, swapping
 
 ORBIT, SPACE = PATH.orbit, cf.Orbit(0.0)
 ZONE = cf.Ellipsoid([20.0, 40.0, 25.0], TILT)

@@ -13,14 +13,7 @@ import closeform as cf
 from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories
 from closeform.uncertainty.error_columns import columns_of
 from closeform.uncertainty.white_noise import OFF, velocity_changes
-from test_probability import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill
-
-
-def noise_of(density, n, step):
-    """Return the covariance (6, 6) that white noise adds to a state in a step."""
-    nodes, weights = np.polynomial.legendre.leggauss(20)
-    pushed = np.array([expm(hill(n) * t)[:, 3:] for t in 0.5 * step * (nodes + 1.0)])
-    return density * np.einsum("t,tik,tjk->ij", 0.5 * step * weights, pushed, pushed)
+from passing import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill, noise_of
 
 
 def sampled_with_noise(means, density, zone, covariance, duration, n=N, samples=2_000, seed=3):

@@ -19,7 +19,7 @@ from closeform.mission.passive_safety import in_field
 from closeform.report.run import RunReport
 from closeform.report.sections import passive
 from closeform.scenario import parse
-from test_field import textbook
+from simulated import textbook
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

@@ -14,9 +14,9 @@ from closeform.mission.executed_mission import ProcessNoise
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.uncertainty.white_noise import BLOCK, increments, velocity_changes, with_velocity_changes
+from passing import noise_of
 from philox import block
 from studies import NEAR
-from test_noisy_trajectories import noise_of
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion

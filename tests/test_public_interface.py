@@ -12,38 +12,10 @@ from pathlib import Path
 import pytest
 
 import closeform as cf
-from public_names import CALLABLES, RESULTS, properties
+from public_names import CALLABLES, properties
 
 PACKAGE = Path(cf.__file__).parent
 PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
-RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
-RESULTS |= {"GatherStatus", "Gathering", "Gatherings", "Locks"}
-RESULTS |= {"LockProof", "LongestLock"}
-RESULTS |= {
-    "TransferCostTable",
-    "Bound",
-    "Encounter",
-    "ThrusterFiring",
-    "Probability",
-    "SigmaApproach",
-}
-RESULTS |= {"ClearanceCostCurve", "MaxClearance", "ShadowPrice"}
-RESULTS |= {
-    "DriftApproach",
-    "DriftScreening",
-    "CompensatedThrust",
-    "Validity",
-    "Simulation",
-    "Tube",
-}
-RESULTS |= {
-    "TrackingMargins",
-}
-RESULTS |= {
-    "Plan",
-    "Search",
-    "papers.TheoremCase",
-}
 
 
 def test_the_whole_surface_is_seen() -> None:

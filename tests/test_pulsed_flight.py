@@ -5,7 +5,7 @@ import pytest
 
 import closeform as cf
 from closeform.fuel.pulses import Pulses
-from test_field import chief, pushed, task
+from simulated import chief, pushed, task
 
 ORBIT, FIELD = chief().orbit, cf.Field(chief())
 SIGHT = cf.Navigation(0.5, 2e-3)

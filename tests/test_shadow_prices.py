@@ -12,14 +12,10 @@ from closeform.planning.plan import Contact
 from closeform.planning.planner import once
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
-from test_least_delta_v_plans import ORBIT as LOW
-from test_least_delta_v_plans import passage, rates
+from delta_v_plans import ORBIT as LOW
+from delta_v_plans import passage, rates
+from swaps import CRAFT, ORBIT, OTHER, PATH, RADIUS, SPACE, TILT, N, swapping
 
-N = 1.1e-3
-ORBIT, SPACE = cf.Orbit(N), cf.Orbit(0.0)
-PATH = ORBIT.transfer([0, -200, 10, 0, 0, 0], [40, 200, 60, 0, -0.09, 0], 3000.0)
-OTHER = ORBIT.coast(ORBIT.transition(-1350.0) @ (PATH.state(1350.0) + [3, 4, -5, 0.02, 0, 0.01]), 3000.0)
-TILT = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
 # Plans end where conditions hold to 1e-11: over a thousandth of a zone that, and the fifth derivative of
 # their cost, leave less than a millionth of the slope.
 STEP, EXACT = 1e-3, 1e-6
@@ -104,18 +100,6 @@ def test_price_at_an_edge_of_a_box():
     assert sharp > 1.001 * found.price
     by_factor = slope_of(lambda h: cf.avoid(path, other, box.enlarged(1.0 + h)), STEP)
     assert found.prices[0].per_factor == pytest.approx(by_factor, rel=EXACT)
-
-
-CRAFT, RADIUS = 8, 18.0
-
-
-def swapping():
-    """Return spacecraft on a slightly warped ring that move to the opposite places."""
-    angles = 2 * np.pi * np.arange(CRAFT) / CRAFT
-    initial = np.zeros((CRAFT, 6))
-    initial[:, 0], initial[:, 1] = 3 * np.cos(3 * angles + 1), 100 * np.cos(angles)
-    initial[:, 2] = 80 * np.sin(angles)
-    return initial
 
 
 def pairwise(sizes):

@@ -21,7 +21,7 @@ from closeform.results.load import LoadedRun
 from closeform.scenario import parse
 from field_scenario import swap
 from pages import Seen
-from test_field import axes_of, textbook
+from simulated import axes_of, textbook
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

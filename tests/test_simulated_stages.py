@@ -9,8 +9,8 @@ from matplotlib.collections import LineCollection
 
 import closeform as cf
 from closeform.cli.app import main
-from test_field import chief, fired, pushed
-from test_tracking_margins import at, deviations
+from simulated import chief, fired, pushed
+from tracked import at, deviations
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -17,8 +17,8 @@ from closeform.mission.mission import plan_mission
 from closeform.report.mission_study import missions_report
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
+from simulated import axes_of, textbook
 from studies import COAST, ERRORS, FLIGHT, MANY, STUDY
-from test_field import axes_of, textbook
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

@@ -13,7 +13,7 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.scenario.table import ScenarioError
-from test_lost_thrust import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
+from drifting_formation import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

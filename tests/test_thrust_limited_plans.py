@@ -16,8 +16,8 @@ import closeform as cf
 import passages
 from closeform.fuel.burns import burns_of
 from closeform.mission.stage_burns import burns_in
+from delta_v_plans import NEAR, passage, rates
 from formations import LOW_ORBIT
-from test_least_delta_v_plans import NEAR, passage, rates
 
 ORBIT = LOW_ORBIT
 SLOTS = 160  # of constant thrust in the convex program

@@ -11,8 +11,8 @@ from scipy.optimize import nnls
 
 import closeform as cf
 import passages
+from delta_v_plans import flown, passage, rates
 from formations import LOW_ORBIT, cases
-from test_least_delta_v_plans import flown, passage, rates
 
 ORBIT = LOW_ORBIT
 GRID = 241  # firing times of the linear program

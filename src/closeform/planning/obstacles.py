@@ -42,7 +42,7 @@ def obstacle_names(names: Sequence[str] | None, obstacles: Path | None) -> tuple
     """
     count = 0 if obstacles is None else len(obstacles)
     if names is None:
-        starts = [] if obstacles is None else obstacles.arcs[obstacles.offsets[:-1], STATE : STATE + 3]
+        starts: Any = [] if obstacles is None else obstacles.arcs[obstacles.offsets[:-1], STATE : STATE + 3]
         places = ("(" + " ".join(f"{number:.4g}" for number in place + 0.0) + " m)" for place in starts)
         return tuple(f"obstacle {k} of {count} at {place}" for k, place in enumerate(places, 1))
     given = tuple(sequence("names", names, str))

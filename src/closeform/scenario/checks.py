@@ -12,7 +12,7 @@ from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.safety.failures import ThrustLost
 from closeform.scenario.craft import MOST_TURN, Craft, SensorTable
-from closeform.scenario.end_conflicts import final_conflicts, zone_conflicts
+from closeform.scenario.end_conflicts import zone_conflicts
 from closeform.scenario.formation import Goal
 from closeform.scenario.quantity import Reader, shown
 from closeform.scenario.scenario import Scenario
@@ -39,9 +39,19 @@ def check(scenario: Scenario) -> list[str]:
 
     Later checks rely on earlier ones, and run only if these find nothing.
     """
-    lines = [*duplicates(scenario)] or [
+    lines = [*duplicate_names(scenario)] or [
         line
-        for rule in (stages, exact, search, coincident, in_flight, draws, in_field, in_air, beside_chief)
+        for rule in (
+            stage_errors,
+            zero_covariances,
+            search_errors,
+            coincident_starts,
+            in_flight,
+            draw_errors,
+            field_errors,
+            drag_errors,
+            hill_only_errors,
+        )
         for line in rule(scenario)
     ]
     if lines:
@@ -52,20 +62,19 @@ def check(scenario: Scenario) -> list[str]:
         return [f"orbit: {error}; check its numbers"]
     if scenario.orbit.deep_space is None and orbit.period == inf:
         return ["orbit: too wide; write deep_space = true instead"]
-    return [*suited(scenario), *spans(scenario, orbit)] or [
+    return [*orbit_errors(scenario), *duration_errors(scenario, orbit)] or [
         *zone_conflicts(scenario, orbit),
-        *too_blind(scenario, orbit),
-        *final_conflicts(scenario, orbit),
+        *navigation_errors(scenario, orbit),
     ]
 
 
-def coincident(scenario: Scenario) -> Iterator[str]:
+def coincident_starts(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each craft of a search at the position of another."""
     if any(stage.searches for stage in scenario.stages) and not scenario.scattered:
         yield from scenario.coincident()
 
 
-def duplicates(scenario: Scenario) -> Iterator[str]:
+def duplicate_names(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each name that two craft or two stages share."""
     for key, names in (
         ("craft.name", list(scenario.names)),
@@ -76,7 +85,7 @@ def duplicates(scenario: Scenario) -> Iterator[str]:
                 yield f"{key}: {name} is given {count} times; name each one differently"
 
 
-def stages(scenario: Scenario) -> Iterator[str]:
+def stage_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each stage that names an absent object or lacks a table."""
     earlier: list[str] = []
     for number, stage in enumerate(scenario.stages, 1):
@@ -85,37 +94,37 @@ def stages(scenario: Scenario) -> Iterator[str]:
                 if name not in scenario.names:
                     yield f"stage[{number}].{key}: no craft {name}; {did_you_mean(name, scenario.names)}"
         if isinstance(stage, Coast):
-            yield from following(scenario, number, stage)
+            yield from follow_errors(scenario, number, stage)
         if isinstance(stage, Regather):
-            yield from as_before(scenario, number, stage.as_before, earlier)
+            yield from regather_errors(scenario, number, stage.as_before, earlier)
         earlier += [stage.name] if stage.name else []
         if isinstance(stage, Joint):
-            yield from together(scenario, number, stage)
+            yield from joint_errors(scenario, number, stage)
         if isinstance(stage, Transfer) and stage.craft is None and len(scenario.craft) > 1:
             line = "missing; name the craft that moves"
             yield f'stage[{number}].craft: {line}, for example "{scenario.names[0]}"'
         if isinstance(stage, Avoid | Joint | Transfer):
-            yield from thrusting(scenario, number, stage)
-            yield from firing(scenario, number, stage)
+            yield from stage_engine_errors(scenario, number, stage)
+            yield from missing_periods(scenario, number, stage)
             if any(isinstance(later, Gather) and not later.again for later in scenario.stages[number:]):
                 yield (
                     f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather, "
                     "or write again = true in a gather after a fault"
                 )
         if isinstance(stage, Drifting) and stage.drift is not None:
-            yield from drifting(scenario, number, stage)
+            yield from passive_safety_errors(scenario, number, stage)
         beside = stage.keeps_out and len(scenario.craft) > 1
         if (beside or getattr(stage, "drift", None) is not None) and None in scenario.keep_out:
             yield f"craft.keep_out: {Craft.missing('keep_out')}"
-        yield from doubted(scenario, number, stage)
+        yield from uncertainty_errors(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
-        yield from engines(scenario, number, stage)
+        yield from missing_engines(scenario, number, stage)
         if stage.searches:
-            yield from searching(scenario)
+            yield from missing_search_tables(scenario)
 
 
-def following(scenario: Scenario, number: int, stage: Coast) -> Iterator[str]:
+def follow_errors(scenario: Scenario, number: int, stage: Coast) -> Iterator[str]:
     """Yield an error line for each craft that cannot follow the file of its start."""
     key = f"stage[{number}].follow"
     for name in stage.follow:
@@ -132,7 +141,7 @@ def following(scenario: Scenario, number: int, stage: Coast) -> Iterator[str]:
         yield f'{key}: a study moves the craft off their files; write draws = "errors", or remove follow'
 
 
-def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
+def missing_engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
     """Yield an error line for each stage that moves a craft without an engine."""
     idle = [craft.name for craft in scenario.craft if not craft.engine]
     named = {key: names for key, names in stage.craft_named.items() if key != "order"}
@@ -151,7 +160,7 @@ def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
     yield f"stage[{number}].do: {stage.verb} moves all craft, and {idle[0]} has no engine; {remedy}"
 
 
-def exact(scenario: Scenario) -> Iterator[str]:
+def zero_covariances(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if all given covariances are zero."""
     given = [craft.covariance for craft in scenario.craft if craft.covariance is not None]
     if given and all(one.exact for one in given):
@@ -161,7 +170,7 @@ def exact(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> Iterator[str]:
+def missing_periods(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> Iterator[str]:
     """Yield an error line if thrusters without a firing period must realize continuous thrust."""
     each = scenario.craft_in(stage)
     endless = any(craft.thrusters is not None and craft.period is None for craft in each)
@@ -173,7 +182,7 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
         )
 
 
-def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
+def stage_engine_errors(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
     """Yield an error line for each engine key that requires a missing mass, thrust or exhaust speed."""
     for craft in scenario.craft if stage.given_keys else ():
         if craft.name not in stage.moving(scenario.names):
@@ -190,7 +199,7 @@ def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str
             )
 
 
-def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
+def regather_errors(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
     """Yield an error line if the stage to return to is missing, is later, or precedes a `gather`."""
     key = f"stage[{number}].as_before"
     if name not in earlier:
@@ -205,7 +214,7 @@ def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) ->
         yield f"{key}: the craft were lost when stage {name} began; name a stage after the gather"
 
 
-def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
+def joint_errors(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
     """Yield an error line for each wrong entry of `order` and for a wrong number of craft or slots."""
     movers = stage.moving(scenario.names)
     for name in dict.fromkeys(stage.order or ()):
@@ -231,7 +240,7 @@ def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
         )
 
 
-def searching(scenario: Scenario) -> Iterator[str]:
+def missing_search_tables(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each table or key that a search for lost craft lacks."""
     if scenario.sensor is None:
         yield 'sensor: missing; add [sensor] with half_angle = "70 deg"'
@@ -250,7 +259,7 @@ def searching(scenario: Scenario) -> Iterator[str]:
         yield "orbit: a search is for deep space only; write deep_space = true instead"
 
 
-def search(scenario: Scenario) -> Iterator[str]:
+def search_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each search outside the published limits or with too many samples."""
     sensor, table = scenario.sensor, scenario.search
     if sensor is None or table is None or not any(stage.searches for stage in scenario.stages):
@@ -262,7 +271,7 @@ def search(scenario: Scenario) -> Iterator[str]:
         yield f"{'sensor' if key in SensorTable.model_fields else 'search'}.{error}"
         return
     if table.bearing:
-        yield from by_bearing(scenario)
+        yield from bearing_errors(scenario)
     for number, stage in enumerate(scenario.stages, 1):
         if isinstance(stage, Gather):
             drawn = scenario.study.vary if scenario.study is not None else {}
@@ -284,7 +293,7 @@ def search(scenario: Scenario) -> Iterator[str]:
         yield "study.sampled: sampling requires that every stage is a lock stage; remove sampled"
 
 
-def by_bearing(scenario: Scenario) -> Iterator[str]:
+def bearing_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each feature that groups by bearings at the start do not support."""
     key = "search.bearing: groups from bearings at the start"
     if any(stage.searches for stage in scenario.stages[1:]):
@@ -299,7 +308,7 @@ def by_bearing(scenario: Scenario) -> Iterator[str]:
         yield f"{key} cannot be combined with pointing errors in a study; give groups"
 
 
-def suited(scenario: Scenario) -> Iterator[str]:
+def orbit_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each key that requires an orbit in deep space, or deep space in an orbit."""
     deep = scenario.orbit.deep_space is not None
     no_orbits, row = "but deep space has no orbits", "a line is at rest in deep space only"
@@ -322,7 +331,7 @@ def suited(scenario: Scenario) -> Iterator[str]:
                 yield f"stage[{number}].{key}: {row}; give string_of_pearls or another relative orbit"
 
 
-def beside_chief(scenario: Scenario) -> Iterator[str]:
+def hill_only_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each key that holds for Hill's equations only, with an alternative."""
     if scenario.orbit.model == "hill":
         return
@@ -366,7 +375,7 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
             yield f"{place}.do: a transfer within a thrust limit {only}; use reconfigure"
 
 
-def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
+def duration_errors(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Yield an error line for each duration that is too short or too long to simulate."""
     for number, stage in enumerate(scenario.stages, 1):
         for key, duration in stage.durations.items():
@@ -385,7 +394,7 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
                 )
 
 
-def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
+def uncertainty_errors(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
     """Yield an error line for each `sigmas` or `max_probability` that lacks errors, other craft or sizes."""
     asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
     for key in asked:
@@ -403,7 +412,7 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
         yield f"craft.keep_out: {Craft.missing('keep_out')}"
 
 
-def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
+def passive_safety_errors(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
     """Yield an error line for each `drift` without other craft, an end in deep space or finite thrust."""
     if len(scenario.craft) < 2:
         yield f"stage[{number}].drift: needs another craft to keep clear of; add one, or remove drift"
@@ -421,7 +430,7 @@ def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
 REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
 
 
-def in_field(scenario: Scenario) -> Iterator[str]:
+def field_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for a field of another planet, or for each key that requires a field."""
     table, chief = scenario.orbit.field, scenario.orbit.chief
     if table is not None:
@@ -444,7 +453,7 @@ def in_field(scenario: Scenario) -> Iterator[str]:
         yield f"craft.thrust_error: requires a high-fidelity model; {REMEDY}"
 
 
-def in_air(scenario: Scenario) -> Iterator[str]:
+def drag_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if atmospheric drag lacks a ballistic coefficient, or the reverse."""
     table, chief = scenario.orbit.field, scenario.orbit.chief
     ballistics = [craft.ballistic for craft in scenario.craft]
@@ -493,7 +502,7 @@ def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield "replan supports no delay", "no delay in [feedback]"
 
 
-def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
+def navigation_errors(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Yield an error line if the tracking error of a pair exceeds the smallest keep-out zone."""
     if scenario.field is None or scenario.navigation is None:
         return
@@ -515,41 +524,41 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
 NEAR = 3  # number of similar keys to suggest
 
 
-def draws(scenario: Scenario) -> Iterator[str]:
+def draw_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each draw for a key that cannot vary, of the wrong kind or out of range."""
     if scenario.study is None:
         return
     if scenario.study.draws != "vary":
-        yield from drawn_errors(scenario)
+        yield from error_study_errors(scenario)
     if scenario.study.draws == "errors":
-        yield from somebody_to_meet(scenario)
+        yield from conflict_study_errors(scenario)
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
         section = key.rpartition(".")[0]
         if key not in known:
-            near = [one for one in known if not one.startswith(TABLED) or there(scenario, one)]
+            near = [one for one in known if not one.startswith(TABLED) or has_table(scenario, one)]
             yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
-        elif section != "craft" and not there(scenario, key):
+        elif section != "craft" and not has_table(scenario, key):
             yield f"{place}: there is no [{section}]; add that table or remove the draw"
-        elif wrong := too_far(scenario, key, draw):
+        elif wrong := range_error(scenario, key, draw):
             yield f"{place}: {wrong}"
 
 
-def there(scenario: Scenario, key: str) -> bool:
+def has_table(scenario: Scenario, key: str) -> bool:
     """Return True if the file has the table of a key outside [craft]."""
     return attrgetter(key.rpartition(".")[0])(scenario) is not None
 
 
-def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
+def range_error(scenario: Scenario, key: str, draw: Draw) -> str | None:
     """Return the reason why some case of a draw exceeds the range of the key, or None."""
     reader, numbers = readers()[key], draw.numbers(key)
     if reader is None:
         return None
     given = scenario.given(key)
     if key == "craft.pointing_error":
-        return too_much_turn(given, draw, numbers)
+        return pointing_range_error(given, draw, numbers)
     if reader.size != 1:
         return None
     if draw.choice is None and None in given:
@@ -557,12 +566,12 @@ def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
     reach = {"choice": 0.0, "normal": NORMAL_REACH}.get(draw.kind, 1.0) * max(numbers)
     ends = numbers if draw.choice is not None else given
     for value in (min(ends) - reach, max(ends) + reach):
-        if not fits(scenario, key, reader, value):
+        if not can_have(scenario, key, reader, value):
             return f"a case can have {value:.6g} in SI units, out of range of {key}; reduce the draw"
     return None
 
 
-def fits(scenario: Scenario, key: str, reader: Reader, value: float) -> bool:
+def can_have(scenario: Scenario, key: str, reader: Reader, value: float) -> bool:
     """Return True if a key can have a value [SI] together with the other keys of its table."""
     try:
         reader.checked(value, [value])
@@ -571,10 +580,10 @@ def fits(scenario: Scenario, key: str, reader: Reader, value: float) -> bool:
     section, _, name = key.rpartition(".")
     tables = scenario.craft if section == "craft" else (attrgetter(section)(scenario),)
     fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
-    return not any(table.model_copy(update={fields[name]: value}).all_flaws() for table in tables)
+    return not any([*table.model_copy(update={fields[name]: value}).flaws()] for table in tables)
 
 
-def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
+def pointing_range_error(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
     """Return a message if the pointing error of any case can reach 90 deg, or None."""
     if draw.choice is not None:
         most = max(hypot(*value) for value in numbers)
@@ -584,7 +593,7 @@ def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) 
     return None if most < MOST_TURN else "a pointing error can reach 90 deg; reduce the draw"
 
 
-def drawn_errors(scenario: Scenario) -> Iterator[str]:
+def error_study_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if a study draws errors that are absent or unsupported."""
     if not scenario.uncertain:
         yield (
@@ -600,7 +609,7 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
+def conflict_study_errors(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if a study of conflicts has no zones or no second craft."""
     if all(craft.keep_out is None and craft.body_radius is None for craft in scenario.craft):
         yield f"craft.keep_out: {Craft.missing('keep_out')}"

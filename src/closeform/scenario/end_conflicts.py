@@ -1,6 +1,6 @@
 """Conflicts that are known before any plan is computed: of initial states, and of final states."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
             continue
         movers = [scenario.names.index(name) for name in stage.moving(scenario.names)]
         latitude = scenario.orbit.latitude + 2.0 * np.pi / orbit.period * time
-        after = ends(orbit, stage, coasted, movers, latitude)
+        after = end_states(orbit, stage, coasted, movers, latitude)
         if stage.keeps_out:
             margin = stage.margin if isinstance(stage, Avoid | Joint) else None
             room = margin if isinstance(margin, float) else 0.0
@@ -46,18 +46,20 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
                 movers[:1] if isinstance(stage, Avoid) else movers
             )  # other moving craft do not avoid others
             for verb, places in (("start", states), ("end", after)):
-                if places is not None and (found := [*near(scenario, places, planned, room)]):
+                if places is not None and (found := [*pairs_inside(scenario, places, planned, room)]):
                     return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)
-            opened = after if after is not None else open_end(orbit, stage, coasted, movers, latitude)
-            if found := [*adrift(scenario, orbit, stage, opened, planned)]:
+            opened = after if after is not None else open_end_states(orbit, stage, coasted, movers, latitude)
+            if found := [*unsafe_ends(scenario, orbit, stage, opened, planned)]:
                 return tuple(f"stage[{number}]: {pair}" for pair in found)
-        if after is None or later(scenario, stage, movers):
+        if after is None or can_be_late(scenario, stage, movers):
             return ()
         states = after
     return ()
 
 
-def ends(orbit: Orbit, stage: Moving, coasted: Floats, movers: list[int], latitude: float) -> Floats | None:
+def end_states(
+    orbit: Orbit, stage: Moving, coasted: Floats, movers: list[int], latitude: float
+) -> Floats | None:
     """Return the states (N, 6) of all craft after a stage, given their `coasted` states.
 
     Return None if the final states depend on the plan.
@@ -80,7 +82,7 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, movers: list[int], latitu
     return after
 
 
-def open_end(
+def open_end_states(
     orbit: Orbit, stage: Moving, coasted: Floats, movers: list[int], latitude: float
 ) -> Floats | None:
     """Return the final states (N, 6) at an arbitrary phase if only the phase is open, else None.
@@ -91,10 +93,12 @@ def open_end(
         return None
     if not stage.to.is_open or not stage.drift.on(orbit.period) >= orbit.period:
         return None
-    return ends(orbit, stage.model_copy(update={"to": stage.to.at_phase(0.0)}), coasted, movers, latitude)
+    return end_states(
+        orbit, stage.model_copy(update={"to": stage.to.at_phase(0.0)}), coasted, movers, latitude
+    )
 
 
-def adrift(
+def unsafe_ends(
     scenario: Scenario, orbit: Orbit, stage: Moving, after: Floats | None, planned: list[int]
 ) -> Iterator[str]:
     """Yield a line for each pair in conflict during free drift from a passively safe plan's final states.
@@ -108,7 +112,7 @@ def adrift(
         after is None
         or stage.drift is None
         or not safe
-        or (joint and any(map(moves, stage.targets.values())))
+        or (joint and any(map(depends_on_arrival, stage.targets.values())))
     ):
         return
     from closeform.conflicts.two_paths import closest_approach  # only this check needs its kernels
@@ -127,22 +131,22 @@ def adrift(
                 )
 
 
-def later(scenario: Scenario, stage: Moving, movers: list[int]) -> bool:
+def can_be_late(scenario: Scenario, stage: Moving, movers: list[int]) -> bool:
     """Return True if a stage may take longer than requested and later states depend on its duration."""
     limited = any(scenario.craft_in(stage)[k].limited for k in movers)
     if not isinstance(stage, Joint):
         return limited
     coast = len(movers) < len(scenario.craft)
     goals = (target for one in scenario.stages for target in one.targets.values())
-    return (limited or stage.if_blocked != ()) and (coast or any(map(moves, goals)))
+    return (limited or stage.if_blocked != ()) and (coast or any(map(depends_on_arrival, goals)))
 
 
-def moves(target: Target | Goal) -> bool:
+def depends_on_arrival(target: Target | Goal) -> bool:
     """Return True if the target state depends on the arrival time."""
     return target.line is not None if isinstance(target, Goal) else target.roe is not None
 
 
-def near(scenario: Scenario, states: Floats, movers: list[int], margin: float) -> Iterator[str]:
+def pairs_inside(scenario: Scenario, states: Floats, movers: list[int], margin: float) -> Iterator[str]:
     """Yield a line, with a remedy, for each pair with one of `movers` inside its zone plus `margin` [m]."""
     for zone, first, second in portions(scenario.zones):
         apart = states[first, :3] - states[second, :3]
@@ -175,7 +179,7 @@ def zone_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     if not scenario.scattered:  # otherwise every case has its own positions
         places = scenario.states(orbit)
         remedy = "move one of them or make keep_out smaller"
-        deep, count = inside(places, kept)
+        deep, count = first_pairs_inside(places, kept)
         for one, other, ratio in deep:
             names = f"{scenario.names[one]} and {scenario.names[other]}"
             yield f"craft.position: {names} start inside each other's zone, at {ratio}; {remedy}"
@@ -183,7 +187,7 @@ def zone_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             yield f"craft.position: {count} pairs in all start inside each other's zone; {remedy}"
 
 
-def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]], int]:
+def first_pairs_inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]], int]:
     """Return the first pairs in conflict, each with its clearance ratio as text, and the count of all."""
     found: list[tuple[int, int, str]] = []
     count = 0
@@ -196,32 +200,3 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
             made = "" if (rule := kept.rule(one, other)) == REGION else f" ({rule})"
             found.append((one, other, f"{ratios[k]:.2f} x zone{made}"))
     return found, count
-
-
-def final_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Yield an error line for each pair in conflict at final states that are known before planning."""
-    for number, stage in enumerate(scenario.stages, 1):
-        if isinstance(stage, Reconfigure):
-            yield from conflicts_at_end(scenario, orbit, number, stage)
-
-
-def conflicts_at_end(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
-    """Yield an error line for each pair in conflict at the known final states of a stage."""
-    movers = stage.moving(scenario.names)
-    finals = stage.known(orbit, len(movers))
-    if finals is None or len(finals) < len(movers):
-        return
-    own = [scenario.keep_out[scenario.names.index(name)] for name in movers]
-    called: Sequence[str] = movers
-    if stage.assign:
-        # the assignment is open: final states are known only if like craft take all slots
-        if len(finals) > len(movers) or len(set(PairZones.of(own, called).kinds.tolist())) > 1:
-            return
-        called = [f"slot {k}" for k in range(1, len(finals) + 1)]
-    deep, count = inside(finals, PairZones.of(own, called))
-    remedy = "move them apart or make keep_out smaller"
-    for one, other, ratio in deep:
-        names = f"{called[one]} and {called[other]}"
-        yield f"stage[{number}].to: {names} end inside each other's zone, at {ratio}; {remedy}"
-    if count > len(deep):
-        yield f"stage[{number}].to: {count} pairs in all end inside each other's zone; {remedy}"

@@ -1,16 +1,16 @@
 """Named relative orbits, as given in `start` and `to`."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from closeform.arrays import Floats
 from closeform.motion.elements.palmer import state_from_palmer
 from closeform.motion.elements.roe import state_from_scaled_roe
 from closeform.motion.orbit import Orbit
-from closeform.scenario.quantity import ANGLE, LENGTH, Reader
+from closeform.scenario.quantity import ANGLE, LENGTH, Either, Reader
 from closeform.scenario.table import (
     FileName,
     Groups,
@@ -30,17 +30,7 @@ Signed = Annotated[float, Reader(LENGTH)]
 CHEAPEST = "cheapest"
 
 
-def as_phase(value: Any) -> Any:
-    """Return an angle [rad], or None for the cheapest phase."""
-    if value == CHEAPEST:
-        return None
-    try:
-        return Reader(ANGLE)(value)
-    except ValueError as error:
-        raise ValueError(f'{error}, or "{CHEAPEST}"') from None
-
-
-Phase = Annotated[float | None, BeforeValidator(as_phase)]
+Phase = Annotated[float | None, Either(CHEAPEST, None, Reader(ANGLE))]
 
 
 class Shape(Table):
@@ -202,15 +192,20 @@ class Formation(Table):
         return None if self.shape is None else self.line is None
 
 
-class Start(Formation):
-    """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
+class RelativeElements(Table):
+    """Elements of a relative orbit, as lengths."""
 
     palmer: SixLengths | None = setting(
-        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2 at the start, as lengths"
+        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2, as lengths"
     )
     roe: SixLengths | None = setting(
         '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
+
+
+class Start(RelativeElements, Formation):
+    """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
+
     inertial: Inertial | None = setting(
         '"6928 0.1 0 km, 0 -1.003 7.518 km/s"', "position and velocity in the chief's frame"
     )
@@ -232,18 +227,12 @@ class Start(Formation):
         return self.inertial is not None or self.oem is not None
 
 
-class Target(Table):
+class Target(RelativeElements):
     """Table `to`: the state that one craft moves to, relative to the formation's origin."""
 
     position: Position | None = setting('"0 100 0 m"', "position relative to the origin", needs="velocity")
     velocity: Velocity | None = setting(
         '"0 0 0 m/s"', "velocity relative to the origin", only_with="position"
-    )
-    palmer: SixLengths | None = setting(
-        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2 at the end, as lengths"
-    )
-    roe: SixLengths | None = setting(
-        '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
 
     alternatives: ClassVar[Groups] = (("position", "palmer", "roe"),)

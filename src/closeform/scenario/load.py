@@ -161,8 +161,6 @@ def not_toml(text: str, error: Exception) -> str:
 def read(model: type[Model], raw: Mapping[str, Any], file: str) -> Model:
     """Return the validated contents of a file; raise ScenarioError with all errors within its tables."""
     lines, rows = rows_of(raw["craft"]) if "craft" in raw else ([], ())
-    if lines and not rows:
-        raise ScenarioError(file, lines)
     try:
         found = model.model_validate({**raw, "craft": rows} if "craft" in raw else raw)
     except ValidationError as error:
@@ -191,7 +189,8 @@ def rows_of(table: Any) -> tuple[list[str], tuple[dict[str, Any], ...]]:
         if len(column) != count
     ]
     rows = (
-        {key: (column[k:] or column)[0] for key, column in columns.items() if column} for k in range(count)
+        {key: column[min(k, len(column) - 1)] for key, column in columns.items() if column}
+        for k in range(count)
     )
     return lines, tuple(rows)
 

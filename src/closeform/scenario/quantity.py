@@ -8,6 +8,7 @@ what is wrong; remedy.
 import json
 import math
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,8 +116,20 @@ class Proving:
     gap: float = 1e-3
 
 
+class KeyReader(ABC):
+    """Reader of the value of a key whose annotation names it."""
+
+    @abstractmethod
+    def __call__(self, value: Any) -> Any:
+        """Return the value in SI units; raise ValueError for an invalid one."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return the schema of a key whose annotation names this reader."""
+        return core_schema.no_info_before_validator_function(self, handler(source))
+
+
 @dataclass(frozen=True)
-class Reader:
+class Reader(KeyReader):
     """Reader of `size` numbers of one `kind` with one unit; `size` 0 accepts any number of them.
 
     `least` is "positive", "zero" (not negative), "any", or a smallest quantity such as "0.01 s"; all numbers
@@ -135,10 +148,6 @@ class Reader:
             return self.duration(value)
         found = self.numbers(value)
         return found[0] if self.size == 1 else found
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return the schema of a key whose annotation names this reader."""
-        return core_schema.no_info_before_validator_function(self, handler(source))
 
     def numbers(self, value: Any) -> tuple[float, ...]:
         """Return all numbers in SI units as a tuple, also for size 1."""
@@ -220,7 +229,7 @@ class Reader:
 
 
 @dataclass(frozen=True)
-class Parts:
+class Parts(KeyReader):
     """Reader of quantities separated by commas, each with its unit; `what` describes them in messages."""
 
     readers: tuple[Reader, ...]
@@ -235,9 +244,22 @@ class Parts:
             one for read, part in zip(self.readers, parts, strict=True) for one in read.numbers(part.strip())
         )
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return the schema of a key whose annotation names this reader."""
-        return core_schema.no_info_before_validator_function(self, handler(source))
+
+@dataclass(frozen=True)
+class Either(KeyReader):
+    """Reader of a `word`, which stands for a value, or else of a quantity."""
+
+    word: str
+    value: Any
+    reader: Reader
+
+    def __call__(self, value: Any) -> Any:
+        if value == self.word:
+            return self.value
+        try:
+            return self.reader(value)
+        except ValueError as error:
+            raise ValueError(f"{error}, or {shown(self.word)}") from None
 
 
 def span(seconds: float) -> str:

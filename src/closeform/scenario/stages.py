@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from math import inf
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
@@ -50,6 +50,7 @@ class StageTable(Table):
     keeps_out: ClassVar[bool] = True  # whether the stage needs keep_out in [craft]
     searches: ClassVar[bool] = False  # whether the stage needs [sensor], [search] and craft groups
 
+    do: str = setting('"coast"', "kind of stage", ...)
     name: Name | None = setting('"threat"', "name of the stage, different for each")
     sigmas: Annotated[float, Field(gt=0, le=1000)] | None = setting(
         "3.0", "required clearance of all pairs in standard deviations of their errors"
@@ -94,6 +95,7 @@ class Drifting(StageTable):
     """Stage with a passive-safety horizon: no conflict occurs during free drift for `drift` afterwards."""
 
     drift: Drift | None = setting('"24 h"', 'passive-safety horizon after the end of the stage, or "forever"')
+    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     @property
     def for_ever(self) -> bool:
@@ -125,6 +127,7 @@ class ArrivalTolerance(Table):
 class Thrusting(Engine, Drifting):
     """Stage with thrust: the cost to minimize, the engine and the failure to consider."""
 
+    within: Span = setting('"0.5 orbits"', "duration", ...)
     arrival: ArrivalTolerance = setting(
         '{ position = "1 m", velocity = "1 mm/s" }',
         "maximum arrival error of thruster pulses; a larger one gives status 1",
@@ -188,7 +191,6 @@ class Burn(Table):
 class Coast(Drifting):
     """Natural motion of all craft, with given impulses in `burns` and given paths for `follow`."""
 
-    do: Literal["coast"] = setting('"coast"', "kind of stage", ...)
     length: Span = setting('"0.5 orbits"', "duration", ..., alias="for")
     burns: Annotated[tuple[Burn, ...], Field(strict=False)] = setting(
         '[{ craft = "F1", at = "10 min", delta_v = "-0.1 0 0 m/s" }]', "given impulses", ()
@@ -196,7 +198,6 @@ class Coast(Drifting):
     follow: Names = setting(
         '["F1"]', "spacecraft that follow the file of their `start` or `states` over the whole stage", ()
     )
-    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -261,17 +262,14 @@ class Fellow(Table):
 class Avoid(Clearing):
     """Move of one craft among the others, around their zones, at minimum cost."""
 
-    do: Literal["avoid"] = setting('"avoid"', "kind of stage", ...)
     craft: Name = setting('"F3"', "spacecraft that moves", ...)
     to: Destination | None = setting(
         '{ position = "0 100 0 m", velocity = "0 0 0 m/s" }',
         "destination; by default the end of its coast",
     )
-    within: Span = setting('"0.5 orbits"', "duration", ...)
     method: Literal["exact", "sauter-palmer"] = setting(
         '"exact"', 'planning method; "sauter-palmer" in an orbit and for minimum energy', "exact"
     )
-    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
     meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = setting(
         '[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]',
         "other spacecraft that make their own transfer and do not avoid",
@@ -334,11 +332,8 @@ class Transfer(Thrusting):
     """Move of one craft without regard to others, at minimum cost, within its thrust limit."""
 
     keeps_out = False
-    do: Literal["transfer"] = setting('"transfer"', "kind of stage", ...)
     craft: Name | None = setting('"F1"', "spacecraft that moves; by default the only one")
     to: Destination = setting('{ position = "0 100 0 m", velocity = "0 0 0 m/s" }', "destination", ...)
-    within: Span = setting('"0.5 orbits"', "duration", ...)
-    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     def moving(self, names: Names) -> Names:
         return (self.craft or names[0],)
@@ -355,7 +350,6 @@ class Transfer(Thrusting):
 class Joint(Clearing):
     """Stage in which the whole formation moves."""
 
-    within: Span = setting('"0.5 orbits"', "duration", ...)
     plan: Literal["joint", "sequential", "distributed"] = setting(
         '"joint"',
         "planning of all spacecraft together, or for minimum energy one after another, or by each on its own",
@@ -371,7 +365,6 @@ class Joint(Clearing):
         "what to try, in this order, if no clear plan is found; [] for nothing",
         ALL_FALLBACKS,
     )
-    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     @property
     def is_exact(self) -> bool:
@@ -393,7 +386,6 @@ class Joint(Clearing):
 class Scatter(Joint):
     """Move of all craft away from each other."""
 
-    do: Literal["scatter"] = setting('"scatter"', "kind of stage", ...)
     alternatives = (("factor", "point"),)
     factor: Annotated[float, Field(gt=1, le=1e6)] | None = setting(
         "3.0", "smallest growth of every distance, above 1"
@@ -417,7 +409,6 @@ class Scatter(Joint):
 class Regather(Joint):
     """Return of all craft to their relative orbits at the start of an earlier stage."""
 
-    do: Literal["regather"] = setting('"regather"', "kind of stage", ...)
     as_before: Name = setting('"threat"', "earlier stage whose initial relative orbits are the target", ...)
 
 
@@ -436,7 +427,6 @@ Goals = Annotated[
 class Reconfigure(Joint):
     """Move of all or of named craft to new relative orbits."""
 
-    do: Literal["reconfigure"] = setting('"reconfigure"', "kind of stage", ...)
     craft: Names | None = setting('["F9"]', "spacecraft that move, by default all; the others coast")
     to: Goals = setting(
         '{ projected_circular = { radius = "300 m" } }',
@@ -505,7 +495,6 @@ class Lock(StageTable):
 
     keeps_out = False
     searches = True
-    do: Literal["lock"] = setting('"lock"', "kind of stage", ...)
 
 
 class Gather(StageTable):
@@ -513,7 +502,6 @@ class Gather(StageTable):
 
     keeps_out = False
     searches = True
-    do: Literal["gather"] = setting('"gather"', "kind of stage", ...)
     rounds: Annotated[int, Field(ge=1)] = setting("3", "maximum number of searches, at most 1000", 2)
     burns: Literal["least", "first", "second", "half"] = setting(
         '"least"',
@@ -540,19 +528,15 @@ def kind_of(value: Any) -> str | None:
     return tag(STAGES[verb].__name__) if isinstance(verb, str) and verb in STAGES else None
 
 
-Stage = Annotated[
-    Annotated[Coast, Tag(tag("Coast"))]
-    | Annotated[Transfer, Tag(tag("Transfer"))]
-    | Annotated[Avoid, Tag(tag("Avoid"))]
-    | Annotated[Scatter, Tag(tag("Scatter"))]
-    | Annotated[Regather, Tag(tag("Regather"))]
-    | Annotated[Reconfigure, Tag(tag("Reconfigure"))]
-    | Annotated[Lock, Tag(tag("Lock"))]
-    | Annotated[Gather, Tag(tag("Gather"))],
-    Discriminator(
-        kind_of,
-        custom_error_type=UNKNOWN_VERB,
-        custom_error_message="unknown",
-        custom_error_context={"verbs": list(STAGES)},
-    ),
-]
+if TYPE_CHECKING:
+    Stage = StageTable
+else:
+    Stage = Annotated[
+        Union[tuple(Annotated[kind, Tag(tag(kind.__name__))] for kind in STAGES.values())],  # noqa: UP007
+        Discriminator(
+            kind_of,
+            custom_error_type=UNKNOWN_VERB,
+            custom_error_message="unknown",
+            custom_error_context={"verbs": list(STAGES)},
+        ),
+    ]

@@ -28,17 +28,16 @@ from closeform.scenario.quantity import (
     SPEED,
     TIME,
     Duration,
+    Either,
     Parts,
     Proving,
     Reader,
-    as_number,
     shown,
     unit_of,
 )
 
 Groups = tuple[tuple[str, ...], ...]
 UNKNOWN_VERB = "unknown_verb"  # type of the error of a stage whose `do` is missing or unknown
-FOREVER = "forever"  # duration of a drift without an end
 
 
 def setting(
@@ -92,12 +91,8 @@ class Table(BaseModel):
             words = [word for part in parts for word in choices(part)]
             example = " or ".join(words) or (field.examples or [""])[0]
             default = "required" if field.is_required() else default_text(field)
-            yield (
-                cls.key_of(name),
-                example,
-                default,
-                "; ".join([field.description or "", *cls.rules_of(name)]),
-            )
+            meaning = "; ".join([field.description or "", *cls.rules_of(name)])
+            yield cls.key_of(name), example, default, meaning
 
     @classmethod
     def rules_of(cls, name: str) -> Iterator[str]:
@@ -167,7 +162,7 @@ class Table(BaseModel):
         for other, values in only_if.items():
             if getattr(self, other) not in values:
                 either = " or ".join(map(json.dumps, values))
-                yield f"{key} requires {self.key_of(other)} = {either}; remove {key}"
+                yield f"{key} requires {self.key_of(other)} = {either}; change or remove one of them"
 
     def one_of(self, names: Sequence[str]) -> Iterator[str]:
         """Yield a flaw unless exactly one of the keys is given."""
@@ -218,17 +213,6 @@ def as_name(value: Any) -> str:
     return value
 
 
-def as_drift(value: Any) -> Duration:
-    """Return the duration of a drift, which may be zero or infinite."""
-    if value == FOREVER:
-        return Duration(seconds=inf)
-    if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
-        raise ValueError(f'{shown(value)} is not a time; write for example "24 h" or "{FOREVER}"')
-    read = Reader(DURATION, least="zero")(value)
-    assert isinstance(read, Duration)
-    return read
-
-
 def as_proving(value: Any) -> Proving:
     """Return the end of a proof from a time, a gap in percent, or both."""
     parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else []
@@ -241,15 +225,6 @@ def as_proving(value: Any) -> Proving:
     if gaps:
         given["gap"] = Reader(SHARE, least="positive").numbers(gaps[0])[0]
     return Proving(**given)
-
-
-def as_margin(value: Any) -> float | Literal["auto"]:
-    """Return a length [m], or "auto"."""
-    if value == "auto":
-        return "auto"
-    if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
-        raise ValueError(f'{shown(value)} is not a length; write for example "0.5 m" or "auto"')
-    return Reader(LENGTH, least="zero").numbers(value)[0]
 
 
 as_inertial = Parts(
@@ -279,8 +254,8 @@ Deviation = Annotated[float, Reader(LENGTH, least="zero")]
 SpeedDeviation = Annotated[float, Reader(SPEED, least="zero")]
 AngleDeviation = Annotated[float, Reader(ANGLE, least="zero")]
 Span = Annotated[Duration, Reader(DURATION, least="positive")]
-Margin = Annotated[float | Literal["auto"], BeforeValidator(as_margin)]
-Drift = Annotated[Duration, BeforeValidator(as_drift)]
+Margin = Annotated[float | Literal["auto"], Either("auto", "auto", Reader(LENGTH, least="zero"))]
+Drift = Annotated[Duration, Either("forever", Duration(seconds=inf), Reader(DURATION, least="zero"))]
 Proof = Annotated[Proving, BeforeValidator(as_proving)]
 Share = Annotated[float, Reader(SHARE, least="zero")]
 
@@ -334,6 +309,8 @@ def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Pla
     """Yield the place and the message of every error that pydantic found in a table."""
     for found in error.errors(include_url=False):
         place, value = found["loc"], found["input"]
+        if found["type"] == "too_short" and value:
+            continue  # pydantic does not count invalid items, which have errors of their own
         if found["type"] == UNKNOWN_VERB and isinstance(value, dict):
             place = *place, "do"
         for line in message(found, table).split("\n"):
