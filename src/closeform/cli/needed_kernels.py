@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from closeform.scenario.stages import Avoid, Gather, Joint, Lock, Thrusting
+from closeform.scenario.stages import Avoid, Drifting, Gather, Joint, Lock, Thrusting
 
 if TYPE_CHECKING:
     from closeform.scenario import Scenario
@@ -71,7 +71,7 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
             yield LEAST_DELTA_V
         if plans and cost == "delta-v":
             yield JOINT_DELTA_V
-        if getattr(stage, "drift", None) is not None:
+        if isinstance(stage, Drifting) and stage.drift is not None:
             yield PASSIVE_SAFETY if hill else PASSIVE_ABOUT_CHIEF
             if stage.for_ever:
                 yield PASSIVE_FOR_EVER
