@@ -142,7 +142,7 @@ static void fill_arcs(cff_arc_t arcs[], uint32_t count, const cff_table_t *chief
         cff_arc_t *arc = &arcs[k];
         const uint32_t kind = byte();
         arc->start_s = t;
-        arc->end_s = t + fabs(number(chief ? 100.0 : 5000.0));
+        arc->end_s = t + fabs(number(chief ? ((byte() & 15U) ? 100.0 : 1e6) : 5000.0)); /* some last too many windows */
         if (chief && !(byte() & 7U) && (time_of(chief, 1U) > t)) {
             arc->end_s = time_of(chief, 1U);
         }

@@ -32,7 +32,7 @@ NAME = "golden_vectors.h"
 MOST = 8  # conflicts of a pair
 GRAZING = 1e-6
 NEAR = [8.0] * 3 + [0.005] * 3  # of an obstacle to the path that it blocks [m, m/s]
-KINDS = ("coast", "transfer", "burn", "joined")
+KINDS = ("coast", "transfer", "rest", "burn", "joined")
 DEGREE = np.pi / 180.0
 
 TYPES = f"""\
@@ -90,13 +90,15 @@ def path_of(rng: np.random.Generator, orbit: Any, kind: str, duration: float, st
     """Return a path of some kind through the neighbourhood of the chief."""
     ends = rng.normal(size=(2, 6)) * ([20.0] * 3 + [0.03] * 3)
     ends[:, :3] += np.outer([1.0, -1.0], rng.normal(size=3) * 60.0)
+    if kind == "rest":
+        ends[:, 3:] = 0.0
     drift = rng.normal(size=6) * ([15.0] * 3 + [0.01] * 3)
     if kind == "coast":
         return orbit.coast(drift, duration, start=start)
     if kind == "burn":
         return orbit.burn(drift, rng.normal(size=3) * 60.0 / duration**2, duration, start=start)
-    whole = orbit.transfer(*ends, duration if kind == "transfer" else 0.4 * duration, start=start)
-    if kind == "transfer":
+    whole = orbit.transfer(*ends, 0.4 * duration if kind == "joined" else duration, start=start)
+    if kind != "joined":
         return whole
     after = whole.state(whole.end) + [0.0, 0.0, 0.0, *rng.normal(size=3) * 0.01]
     return join([whole, orbit.coast(after, 0.6 * duration, start=start + 0.4 * duration)])
