@@ -26,6 +26,7 @@ SWAPS = {
     "||": "&&",
 }
 EQUIVALENT = {  # (part of a line, operator): why its change changes no answer
+    ("gap = SAME", "*"): "pieces of one conflict meet at equal times; the gap only allows for rounding",
 }
 FLAGS = ["-w", "-std=gnu99", "-O1", "-ffp-contract=off", f"-I{FLIGHT / 'include'}", f"-I{FLIGHT / 'src'}"]
 
