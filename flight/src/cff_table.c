@@ -118,7 +118,7 @@ cff_status_t cff_uploaded_table(const double block[], uint32_t count, cff_table_
     const double number = (count > HEAD) ? block[HEAD - 1U] : 0.0;
     if ((number >= 1.0) && (number <= (double)CFF_MOST_WINDOWS)) {
         const uint32_t windows = (uint32_t)number;
-        if (count == (HEAD + 1U + (windows * (1U + ROWS + STEPS + CFF_COLUMNS + RETURNS + 9U)))) {
+        if (((double)windows == number) && (count == (HEAD + 1U + (windows * (1U + ROWS + STEPS + CFF_COLUMNS + RETURNS + 9U))))) {
             const double *joints = &block[HEAD];
             const double *rows = &joints[windows + 1U];
             const double *steps = &rows[windows * ROWS];

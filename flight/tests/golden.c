@@ -66,12 +66,12 @@ static void compare(double *largest, double answer, double expected, double unit
     }
 }
 
-static cff_zone_t zone_of(const golden_pair_t *pair)
+static cff_zone_t zone_of(cff_shape_t shape, const double matrix[9])
 {
     cff_zone_t zone;
-    zone.shape = pair->shape;
+    zone.shape = shape;
     for (int i = 0; i < 9; i++) {
-        zone.to_unit_per_m[i / 3][i % 3] = pair->matrix[i];
+        zone.to_unit_per_m[i / 3][i % 3] = matrix[i];
     }
     return zone;
 }
@@ -86,7 +86,7 @@ static int conflicts(const golden_pair_t *pair)
 {
     const cff_path_t one = path_of(pair->orbit, pair->one, pair->one_count);
     const cff_path_t other = path_of(pair->orbit, pair->other, pair->other_count);
-    const cff_zone_t zone = zone_of(pair);
+    const cff_zone_t zone = zone_of(pair->shape, pair->matrix);
     cff_conflict_search_t search;
     cff_conflict_t found[ROOM];
     uint32_t count = 0U;
@@ -104,7 +104,7 @@ static int approach(const golden_pair_t *pair)
 {
     const cff_path_t one = path_of(pair->orbit, pair->one, pair->one_count);
     const cff_path_t other = path_of(pair->orbit, pair->other, pair->other_count);
-    const cff_zone_t zone = zone_of(pair);
+    const cff_zone_t zone = zone_of(pair->shape, pair->matrix);
     const double end = one.arcs[one.count - 1U].end_s;
     const double other_end = other.arcs[other.count - 1U].end_s;
     cff_approach_t near;
@@ -162,10 +162,7 @@ static int avoided(const golden_avoid_t *given, int *dearer)
     cff_zone_t zones[2];
     for (unsigned k = 0U; k < given->obstacles; k++) {
         obstacles[k] = path_of(given->orbit, &given->obstacle[k], 1U);
-        zones[k].shape = CFF_ELLIPSOID;
-        for (int i = 0; i < 9; i++) {
-            zones[k].to_unit_per_m[i / 3][i % 3] = given->matrix[i];
-        }
+        zones[k] = zone_of(CFF_ELLIPSOID, given->matrix);
     }
     int bad = cff_avoid((const cff_arc_t *)(const void *)given->direct, obstacles, zones, given->obstacles, AVOID_BUDGET, &work,
                         &found) != CFF_OK;
@@ -184,11 +181,7 @@ static int begins_inside(const golden_avoid_t *given)
     cff_arc_t drift;
     const cff_arc_t *direct = (const cff_arc_t *)(const void *)given->direct;
     const cff_path_t obstacle = {&drift, 1U, golden_orbits[given->orbit].chief};
-    cff_zone_t zone;
-    zone.shape = CFF_ELLIPSOID;
-    for (int i = 0; i < 9; i++) {
-        zone.to_unit_per_m[i / 3][i % 3] = given->matrix[i];
-    }
+    const cff_zone_t zone = zone_of(CFF_ELLIPSOID, given->matrix);
     drift = *direct;
     drift.state.velocity_m_s[0] += 1.0;
     for (int i = 0; i < 3; i++) {
@@ -226,18 +219,14 @@ static int lost_thrust(const golden_loss_t *given)
     const double n = golden_orbits[given->orbit].mean_motion;
     cff_path_t path = path_of(given->orbit, &given->path, 1U);
     cff_path_t other = path_of(given->orbit, &given->other, 1U);
+    const cff_zone_t zone = zone_of(given->shape, given->matrix);
     cff_table_t circle;
-    cff_zone_t zone;
     cff_drift_t found;
     int bad = 0;
     if (path.chief == NULL) { /* a circular orbit or deep space */
         bad += cff_circular_table(n, (n > 0.0) ? (0.78 / n) : given->until, &room, &circle) != CFF_OK;
         path.chief = &circle;
         other.chief = &circle;
-    }
-    zone.shape = given->shape;
-    for (int i = 0; i < 9; i++) {
-        zone.to_unit_per_m[i / 3][i % 3] = given->matrix[i];
     }
     bad += cff_loss_of_thrust(&path, &other, &zone, path.arcs[0].start_s, given->until, LOSS_BUDGET, &found) != CFF_OK;
     bad += ((found.verdict == CFF_SAFE) != (given->safe != 0));

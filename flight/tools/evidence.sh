@@ -9,7 +9,7 @@
 #   inputs      a million adversarial inputs, nan and infinities included, within their budgets
 #   mutants     changed operators that golden vectors or the fuzzer notice (mutants.py, five minutes)
 #   digest      one digest on several instruction sets (digest.sh, needs QEMU and cross compilers)
-#   eva         no invalid access, by Frama-C/EVA (analysis/eva.sh, an hour)
+#   eva         no invalid access, by Frama-C/EVA (analysis/eva.sh, ten minutes)
 #   fuzz        ten minutes of libFuzzer with sanitizers
 # Without CLAIM all of them, those that take long last.
 set -uo pipefail
