@@ -181,7 +181,7 @@ def run(
 
 @app.command(sort_key=1)
 def check(scenario: Path, /) -> int:
-    """Validate a scenario without running it; report every error with its key.
+    """Validate a scenario without running it; report its errors with their keys.
 
     Parameters
     ----------
