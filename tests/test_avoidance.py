@@ -375,7 +375,8 @@ def test_enclosed_spacecraft_finds_no_path():
     assert not found.ok
     assert found.status == Status.NOT_FOUND
     assert found.path is None
-    assert "remain in conflict" in found.reason
+    assert found.blocked is not None
+    assert f"obstacle {found.blocked[1] - 1}" in found.reason
     assert str(found.tried) in found.reason
     assert not found.proven
 

@@ -394,7 +394,12 @@ def test_plans_keep_three_sigmas(kind, cost):
 
 def test_what_is_not_planned_about_a_chief_is_refused_with_an_alternative():
     direct, client = case(0.1)
-    for options, remedy in (({"method": "sauter-palmer"}, "omit"),):
+    inertial = cf.Thrusters(np.concatenate([np.eye(3), -np.eye(3)]), "inertial")
+    for options, remedy in (
+        ({"method": "sauter-palmer"}, "omit"),
+        ({"requirements": cf.requirements.SpeedLimit(limit=1.0)}, "delta-v"),
+        ({"cost": "delta-v", "thrusters": inertial}, "orbit's axes"),
+    ):
         with pytest.raises(ValueError, match=remedy):
             cf.avoid(direct, client, ZONE, **options)
     with pytest.raises(ValueError, match="same orbit"):

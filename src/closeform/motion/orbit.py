@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, instance, number, positive, shown, size
-from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, START, WIDTH
 from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
@@ -358,24 +358,6 @@ class Orbit(CircularOrbit, ReferenceOrbit):
     def _column(self) -> float:
         """Value of the column MEAN_MOTION of arcs in this orbit."""
         return self.mean_motion
-
-    def _bends(self, arcs: Floats) -> tuple[Floats, Floats]:
-        """Return bounds (A,) on acceleration [m/s^2] and jerk [m/s^3] of coasts and burns, arcs (A, 30).
-
-        Velocity and acceleration of an arc with constant push are themselves a natural motion.
-        """
-        n = self.mean_motion
-        x, z = arcs[:, STATE], arcs[:, STATE + 2]
-        v, push = arcs[:, STATE + 3 : STATE + 6], arcs[:, PUSH : PUSH + 3]
-        hill = np.stack([3.0 * n * n * x + 2.0 * n * v[:, 1], -2.0 * n * v[:, 0], -n * n * z], axis=1)
-        a = hill + push
-        if n == 0.0:
-            return np.linalg.norm(a, axis=1), np.zeros(len(arcs))
-        radial = np.hypot(3.0 * v[:, 0] + 2.0 * a[:, 1] / n, a[:, 0] / n)
-        across = np.hypot(v[:, 2], a[:, 2] / n)
-        swing = np.sqrt(4.0 * radial**2 + across**2)
-        drift = np.abs(6.0 * n * v[:, 0] + 3.0 * a[:, 1])
-        return drift + n * swing, n * n * swing
 
     def _interpolates(self, arcs: Floats) -> Any:
         """Return True for arcs (M, 30) that are cubics through samples."""

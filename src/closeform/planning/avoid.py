@@ -109,7 +109,8 @@ def avoid(
     requirements : Requirement, or sequence of these, default none
         Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
         `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance); on its thrust: times of `NoThrust`,
-        `ThrustExclusion` and `Plume`.  They require cost "delta-v".  The lower bound counts those on states.
+        `ThrustExclusion` and `Plume`.  Those on thrust require cost "delta-v", and so do all of them with
+        `drift`, errors, `prove` or another method.  The lower bound counts those on states.
 
     Returns
     -------

@@ -154,9 +154,9 @@ def unseparated(problem: Problem, names: Sequence[str]) -> str:
         else []
     )
     if not found or min(found)[0] > ON:
-        return "; allow more time, arrive at another phase, or reduce drift"
+        return "allow more time, arrive at another phase, or reduce drift"
     ratio, (i, j) = min(found)
     return (
-        f"; {names[i]} arrives {ratio:.2f} x zone from {names[j]} across the track, where any slow drift "
+        f"{names[i]} arrives {ratio:.2f} x zone from {names[j]} across the track, where any slow drift "
         f"along the track leads into the zone from one side: {remedy(problem, (i, j), 'end', names)}"
     )

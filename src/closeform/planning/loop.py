@@ -19,7 +19,8 @@ paths: `init` begins, `step` does a round, `done` ends the loop of `run`.  There
 From a problem to a plan:
 
 1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
-2. `planner.planned` keeps clear paths, or calls `minimum_energy.solve` or `delta_v_search.solve_impulses`.
+2. `planner.planned` keeps clear paths, or calls `minimum_energy.solve`, `delta_v_search.solve_impulses` or
+   `restricted_energy.solve_restricted`.  Where none are found, `violations` names what remains.
 3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `sigmas/sigma_search`) proposes starts:
    planes on different sides of the zones.  A method above leads from each start to clear paths; the cheapest
    are kept.
@@ -28,18 +29,18 @@ From a problem to a plan:
 
 The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:
 
-                    zones            k sigma          loss of thrust    states, thrust
-    energy          `energy/`        SigmaSearch
-                    SafeTask         SafeTask         SafeTask          refused
-    impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver
-    burns           BurnSolver       BurnSolver       BurnSolver        BurnSolver
-    pulses          PulseSolver      PulseSolver      PulseSolver       PulseSolver
+                    zones            k sigma          loss of thrust    states          thrust
+    energy          `energy/`        SigmaSearch      SafeTask          EnergySolver    refused
+    impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver   ImpulseSolver
+    burns           BurnSolver       BurnSolver       BurnSolver        BurnSolver      BurnSolver
+    pulses          PulseSolver      PulseSolver      PulseSolver       PulseSolver     PulseSolver
 
+At minimum energy SafeTask also keeps k sigma, and EnergySolver (`restricted_energy`) plain zones only.
 `energy/` is compiled for plain zones and does not use this loop.  Pulses are planned near safe impulses only
 where thrust may be lost.
 
 To add a cost, write a task: `minimise` and `relinearise`, and for short steps the rest of `SteppingTask`.  To
-add a requirement on one craft, derive a class in `requirements/`; every task of delta-v then keeps it.  To
+add a requirement on one craft, derive a class in `requirements/`; every task of its column then keeps it.  To
 add one on pairs, override `conflicts` and `normals` of `Problem`, as `sigmas.sigma_problem` does.  A conflict
 is a violation.  A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
 """

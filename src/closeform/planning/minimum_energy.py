@@ -1,18 +1,15 @@
 """Paths of minimum energy: choice of the search by requirement, and its outcome as contacts in metres."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.fuel.pulses import extended
 from closeform.motion.path import Path
 from closeform.planning.energy.local_solver import LocalSolver, nearer
 from closeform.planning.energy.side_search import MARGINS, Found, Search
-from closeform.planning.infeasible_ends import unseparated
 from closeform.planning.plan import Contact
 from closeform.planning.problem.problem import Closest, Problem, Trajectories, deepest
 from closeform.planning.problem.scene import Contacts
@@ -26,6 +23,7 @@ class Outcome:
     enlarged.  `order` is the planning order of sequential planning, if it differs from the requested one.
     `delta_v` [m/s] is set where it was minimised, summed over thrusters.  `enough` (N,) [m/s^2] is the thrust
     of clear paths where none was found within limits; `limited` is True if clear paths exist without limits.
+    `needed` is the smallest factor of the limits that planes without a solution require, inf without any.
     `priced` is True if the multipliers are slopes of the minimised cost.  `closest` are the
     paths nearest to being clear where none is; `unfired` is True if impulses are clear but pulses are not.
     """
@@ -42,6 +40,7 @@ class Outcome:
     priced: bool = True
     enough: Floats | None = None
     limited: bool = False
+    needed: float = inf
     closest: Closest = field(default_factory=Closest)
     unfired: bool = False
     below_bit: int = 0  # impulses that thrusters cannot give, where no clear plan without any was found
@@ -52,40 +51,6 @@ class Outcome:
         """Return as text how many impulses are below the minimum bit, empty without any."""
         count = self.below_bit
         return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
-
-    def near_miss(self, problem: Problem, names: Sequence[str]) -> str:
-        """Return the clearance of the closest paths of a search without safe paths, and suggestions."""
-        from closeform.planning.passive.passive_search import (
-            failures_with_norms,  # only plans with a drift need it
-        )
-
-        effort, said = problem.effort, ""
-        if self.closest.trajectories is not None:
-            planned = problem.path(self.closest.trajectories)
-            each = (planned[k] for k in range(problem.count))
-            whole = problem.with_path(*(extended(own, problem.first, problem.last) for own in each))
-            met = problem.conflicts(whole)
-            failed, norms = failures_with_norms(problem, planned, problem.bodies(whole))
-            every = problem.met(met).joined(failed)
-            if every.number:
-                ratios = np.append([row[3] for _, row in met], norms)
-                k = int(np.argmin(ratios))
-                (one, other), drifts, time = problem.pairs[every.which[k]], every.drifts[k], every.times[k]
-                one, other = (other, one) if drifts[1] > 0.0 else (one, other)
-                near = (
-                    f"reaches {ratios[k]:.4f} x zone from"
-                    if ratios[k] < 1.0
-                    else "is not shown to be clear of"
-                )
-                lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
-                said = f"; the nearest miss: {names[one]} {near} {names[other]} at {time:.6g} s{lost}"
-        if self.unfired:
-            said = (
-                f"; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found{said}"
-            )
-        if effort.ended:
-            said += f"; the search has used its effort; a budget above {effort.usual} raises it in proportion"
-        return said + unseparated(problem, names)
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
@@ -138,7 +103,8 @@ def outcome(found: Found) -> Outcome:
     if not best.clear:
         conflicts = best.problem.conflicts(best.trajectories)
         blocked = deepest(conflicts)[0] if conflicts else None
-        return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
+        near = Closest(trajectories=best.trajectories)
+        return Outcome(None, (), nan, found.margin, False, found.tried, blocked, closest=near)
     touched = contacts_of(best.problem, best.contacts, best.trajectories)
     return Outcome(best.planned, touched, best.energy, found.margin, found.proven, found.tried)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_impulses, unconstrained
 from closeform.planning.energy.side_search import MARGINS, Found
-from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
+from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
@@ -33,6 +33,7 @@ from closeform.planning.problem.problem import Problem, Trajectories, deepest, i
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
 from closeform.planning.slots import revised
+from closeform.planning.violations import violations
 from closeform.zones.padding import Short
 
 STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
@@ -74,6 +75,10 @@ def attempt(request: Request, more: bool = False) -> Plan:
     )
     if request.cost == "delta-v":
         return of_least_delta_v(plan, problem, request, more, kept)
+    if request.requirements:
+        kept = None  # clear paths may not keep them
+        if reason := end_outside(problem, request):
+            return replace(plan, status=Status.END_OUTSIDE, reason=reason)
     if kept is not None:
         return unchanged(plan, kept)
     if none := infeasible_end(problem, request):
@@ -83,6 +88,11 @@ def attempt(request: Request, more: bool = False) -> Plan:
         found = deviated(problem, request.names)
     elif request.method == "sequential":
         found = one_by_one(problem, request.order or range(problem.count), request.budget, more)
+    elif request.requirements:
+        from closeform.planning.restricted_energy import solve_restricted  # needs kernels of its own
+
+        found, bound = solve_restricted(problem, request.budget, more)
+        plan = replace(plan, lower_bound=bound)
     elif request.method == "distributed":
         found = by_messages(problem, request.order or range(problem.count), request.budget)
     else:
@@ -96,13 +106,11 @@ def attempt(request: Request, more: bool = False) -> Plan:
             alone = one_by_one(problem, range(problem.count), request.budget, more)
             found = joined(problem, alone, found)
     if found.trajectories is None:
-        return replace(
-            plan, tried=found.tried, blocked=found.blocked, reason=not_found(request, problem, found)
-        )
-    if found.priced and not found.contacts:
+        return not_found(plan, request, problem, found)
+    if found.priced and not found.contacts and not request.requirements:
         return unchanged(plan, problem.path(found.trajectories))
     # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
-    zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
+    zone = 1.0 / max((np.abs(one.matrix).max() for one in problem.zones), default=1.0)
     if found.extra > TOO_DEAR * (least + 6.0 * zone**2 / (problem.arrival - problem.first) ** 3):
         reason = f"the cheapest of {examined(found)} costs {found.extra:.3g} m²/s³ more"
         return replace(plan, tried=found.tried, reason=f"{reason}; allow a longer transfer")
@@ -202,7 +210,7 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         if found.enough is not None and limits is not None:
             weak = shortage(problem, limits, found.enough)
             return too_weak(plan, weak, names[weak.craft])
-        return replace(plan, reason=not_found(request, problem, found))
+        return not_found(plan, request, problem, found)
     paths, spent = kept, nan if kept is None else float(kept.delta_v.sum())
     if found.trajectories is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
         paths, spent = problem.path(found.trajectories), found.delta_v
@@ -233,21 +241,35 @@ def beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
     return replace(plan, direct=problem.path(free.trajectories), lower_bound=free.least, cost="delta-v")
 
 
-def not_found(request: Request, problem: Problem, found: Outcome) -> str:
-    """Return the reason why no plan was found."""
+def not_found(plan: Plan, request: Request, problem: Problem, found: Outcome) -> Plan:
+    """Return the plan without paths, with the violations that remain where none was found."""
+    plan = replace(plan, tried=found.tried, blocked=found.blocked)
     if found.reason:
-        return found.reason
-    reason = f"no {'clear' if problem.drift is None else 'passively safe'} plan among {examined(found)}"
-    if problem.drift is not None:
-        if request.limits is not None and request.cost == "delta-v" and not found.limited:
-            reason += ", nor without the thrust limit"
-        return reason + found.near_miss(problem, request.names)
-    if problem.requirements and found.blocked is None:
-        return f"{reason} keeps all requirements; allow more time, or relax one of them"
-    if found.blocked is not None:
-        first, second = (request.names[k] for k in found.blocked)
-        reason += f": {first} and {second} remain in conflict"
-    return f"{reason}; raise budget"
+        return replace(plan, reason=found.reason)
+    safe, names, near = problem.drift is not None, request.names, found.closest.trajectories
+    reason = [f"no {'passively safe' if safe else 'clear'} plan among {examined(found)}"]
+    if request.limits is not None and safe and request.cost == "delta-v" and not found.limited:
+        reason[0] += ", nor without the thrust limit"
+    if found.needed < inf:
+        reason.append(f"the constraints tried need at least {found.needed:.3g} times the thrust limit")
+    if found.unfired:
+        reason.append("impulses are safe, but no safe pulses above the thrusters' minimum_bit were found")
+    missed = [] if near is None else violations(problem, near, names)
+    if missed:
+        reason.append(f"the nearest miss: {'; '.join(one.text for one in missed)}")
+        plan = replace(plan, blocked=next((one.pair for one in missed if one.pair), plan.blocked))
+    elif found.blocked is not None:
+        reason.append(f"{names[found.blocked[0]]} and {names[found.blocked[1]]} remain in conflict")
+    if problem.effort.ended:
+        usual = problem.effort.usual
+        reason.append(f"the search has used its effort; a budget above {usual} raises it in proportion")
+    if safe:
+        reason.append(unseparated(problem, names))
+    elif any(one.pair is None for one in missed):
+        reason.append("allow more time, or relax a requirement")
+    else:
+        reason.append("raise budget")
+    return replace(plan, reason="; ".join(reason))
 
 
 def examined(found: Outcome) -> str:
@@ -405,6 +427,9 @@ def bounded(request: Request, plan: Plan) -> Plan:
         return plan
     if plan.cost == "delta-v":
         return bounded_delta_v(request, plan) if request.proof_time and not plan.proven else plan
+    if request.requirements:
+        reason = f"{plan.reason}, {closeness(plan.energy, plan.lower_bound)}"
+        return replace(plan, proven=is_proven(plan.energy, plan.lower_bound), reason=reason)
     problem, fixed = request.problem(), request.limits is not None
     spent = plan.extra_energy, plan.energy
     proof = prove_bound(problem, plan.contacts, *spent, request.proof_time, gap=request.gap, fixed=fixed)

@@ -35,7 +35,7 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
-from closeform.planning.requirements.requirement import Requirement
+from closeform.planning.requirements.requirement import Requirement, StateRequirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones
@@ -175,7 +175,7 @@ class Request:
             stretches="longer" in if_blocked,
             if_blocked=tuple(if_blocked),
             padding=Padding.of(margin, count, extra),
-            requirements=_requirements(requirements, count, cost),
+            requirements=_requirements(requirements, count),
             **options,
         ).cheapest()
         many = size("sigmas", sigmas)
@@ -243,7 +243,7 @@ class Request:
             stretches=longer,
             path_over=path_over or (lambda factor: transfer_of(path, factor)),
             padding=Padding.of(margin, 1, len(batch)),
-            requirements=_requirements(requirements, 1, cost),
+            requirements=_requirements(requirements, 1),
             **_ends(path),
             **options,
         )
@@ -255,7 +255,34 @@ class Request:
         return request._checked()
 
     def _checked(self) -> Request:
-        """Return the request; raise ValueError if limits have a proof, or an obstacle ends too early."""
+        """Return the request; raise ValueError for requirements or a proof that the cost does not support.
+
+        The same applies to an obstacle that ends before the drift.
+        """
+        if self.requirements and self.cost == "energy":
+            if isinstance(self.orbit, ChiefOrbit):
+                raise ValueError(
+                    f"requirements: at minimum energy they are planned about a circular orbit only, not about "
+                    f"{self.orbit.chief}; set cost 'delta-v'"
+                )
+            for one in (one for own in self.requirements for one in own):
+                if not isinstance(one, StateRequirement):
+                    kind = type(one).__name__
+                    raise ValueError(
+                        f"requirements: at minimum energy a spacecraft always thrusts, which {kind} may not "
+                        "allow; set cost 'delta-v', or omit it"
+                    )
+            unsupported: dict[str, Any] = {
+                "drift": self.drift,
+                "errors": self.errors,
+                "prove": self.proof_time or None,
+            }
+            unsupported["method"] = None if self.method in ("joint", "exact") else self.method
+            for name, given in unsupported.items():
+                if given is not None:
+                    raise ValueError(
+                        f"{name}: with requirements it needs cost 'delta-v'; set it, or omit one"
+                    )
         if self.proof_time and self.cost == "delta-v" and self.limits is not None:
             raise ValueError("prove: cannot be combined with max_acceleration and cost 'delta-v'; omit one")
         if self.drift is None or self.obstacles is None:
@@ -456,7 +483,7 @@ def _options(
     }
 
 
-def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement, ...], ...]:
+def _requirements(given: Any, count: int) -> tuple[tuple[Requirement, ...], ...]:
     """Return the requirements of each spacecraft: the same for all, or one sequence for each."""
     one_by_one = isinstance(given, list | tuple) and any(isinstance(own, list | tuple) for own in given)
     each = [tuple(own) for own in given] if one_by_one else [_as_tuple(given)] * count
@@ -466,8 +493,6 @@ def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement,
         return ()
     for one in (one for own in each for one in own):
         instance("requirements", one, Requirement)
-    if cost != "delta-v":
-        raise ValueError("requirements: need cost 'delta-v'; set it, or omit requirements")
     return tuple(each)
 
 

@@ -5,12 +5,14 @@ slot that is used in part is cut for the next round, and used slots are refined,
 to full or zero along the primer.                                                             # theory 6
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import product
 from math import ceil, inf, pi
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from closeform.motion.minimum_delta_v.reduced import LOWER
 from closeform.motion.minimum_delta_v.saturated import BOUND, NEEDED, UNDECIDED
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust, limited
 from closeform.motion.path import Path
-from closeform.planning.delta_v.checks import Failures, Spent
+from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.dual.fleet import POINTS, WEIGHTS
 from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.delta_v.impulse_descent import cleared, tightened
@@ -38,6 +40,9 @@ from closeform.planning.delta_v.impulse_solver import (
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.problem.problem import Closest, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
+
+if TYPE_CHECKING:
+    from closeform.planning.delta_v.thrust_loss import ImpulseFailures
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
 BRIEF_BURNS = 4.0  # times the peak of continuous thrust: above it burns are brief enough to replace impulses
@@ -63,7 +68,7 @@ class BurnSolver(ImpulseSolver):
         limits: Floats,
         thrusters: Sequence[Thrusters | None],
         names: Sequence[str],
-        failures: Failures | None = None,
+        failures: ImpulseFailures | None = None,
     ) -> None:
         super().__init__(problem, thrusters, names, failures)
         self.limits = np.where(np.isfinite(limits), limits, 0.0)

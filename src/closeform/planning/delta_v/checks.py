@@ -1,8 +1,7 @@
 """Checks of impulsive paths: conflicts with thrust, and after a loss of thrust."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,18 +18,18 @@ WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
 class Checked(NamedTuple):
     """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these.
 
-    `kept` is True if the paths keep all other requirements, by proof.
+    `outside` [reserves] is the largest shortfall of a requirement, 0 if the paths keep all by proof.
     """
 
     missed: list[PairRow]
     lost: Contacts
     nearest: float
-    kept: bool = True
+    outside: float = 0.0
 
     @property
     def clear(self) -> bool:
         """True if there is no conflict, with thrust or after its loss, and other requirements are kept."""
-        return not self.missed and self.nearest >= 1.0 and self.kept
+        return not (self.missed or self.outside) and self.nearest >= 1.0
 
     @property
     def worst(self) -> float:
@@ -78,29 +77,6 @@ class Spent:
     def fired(self, share: float) -> list[Moments]:
         """Return the moments of each craft at which it fires more than a `share` of the delta-v."""
         return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
-
-
-class Failures(Protocol):
-    """Conditions for a loss of thrust, for plans that are to be passively safe."""
-
-    holding: bool  # keep active planes although paths have left them
-
-    def checked(self, trajectories: Trajectories, known: Contacts) -> Checked:
-        """Return conflicts of paths and close approaches of failed craft, also from `known` contacts."""
-
-    def starts(self, margin: float = ...) -> Iterator[Contacts]:
-        """Yield contacts of other safe plans as starts, for zones enlarged by a margin."""
-
-    def merged(
-        self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
-    ) -> Contacts:
-        """Return the contacts for fewer moments `after`, each of which replaces those of `before` near it."""
-
-    def touching(self, trajectories: Trajectories, contacts: Contacts) -> tuple[Contacts, bool]:
-        """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
-
-    def brief(self, trajectories: Trajectories) -> Trajectories:
-        """Return the paths with impulses as brief burns, during which thrust may be lost."""
 
 
 def arrive(problem: Problem, trajectories: Trajectories, finals: Floats) -> bool:

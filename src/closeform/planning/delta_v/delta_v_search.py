@@ -115,6 +115,7 @@ def solve_impulses(
         enough=enough,
         limited=bool(safe),
         closest=burns.closest,
+        needed=burns.needed,
     )
     return none, free
 
@@ -237,7 +238,7 @@ def searched(
         return free, []
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     effort, other = solver.problem.effort, None if near is None else near()
-    solver.closest.note(free.checked.worst, free.trajectories)
+    solver.closest.note(free.checked.worst, free.trajectories, free.checked.outside)
     best: Spent | None = None
     begun: list[Contacts] = []
     alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()

@@ -49,6 +49,19 @@ class Moments(NamedTuple):
         new[1:] = (times[1:] != times[:-1]) | (which[1:] != which[:-1])
         return every.some(order[new])
 
+    def distinct(self, ends: Floats, apart: float) -> "Moments":
+        """Return moments of which no two are closer than `apart` [s]; those near the `ends` move there."""
+        if self.widths.any():
+            return self
+        times = self.times.copy()
+        for end in ends:
+            times[np.abs(times - end) < apart] = end
+        order = np.lexsort((times, self.which))
+        same = (np.diff(times[order]) < apart) & (np.diff(self.which[order]) == 0)
+        later = order[1:][same]
+        kept = np.setdiff1d(np.arange(len(times)), later)
+        return Moments.instants(times[kept], self.which[kept])
+
     def burns(self, brief: float) -> Floats:
         """Return start and end (J, 2) of each moment; an impulse begins and ends `brief` from its time."""
         about = np.where(self.widths > 0.0, 0.0, brief)

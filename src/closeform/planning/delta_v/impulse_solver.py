@@ -8,10 +8,12 @@ times. Each thruster has moments of its own: a time and its direction.          
 6
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, inf, pi
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
 from closeform.motion.minimum_delta_v.nonnegative import MOST
 from closeform.motion.minimum_delta_v.reduced import COUNT, LOWER
 from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
-from closeform.planning.delta_v.checks import Checked, Failures, Spent, arrive, drifting, pushing
+from closeform.planning.delta_v.checks import Checked, Spent, arrive, drifting, pushing
 from closeform.planning.delta_v.dual.dual_program import price
 from closeform.planning.delta_v.dual.fleet import Dual, Fleet, Planes, Priced
 from closeform.planning.delta_v.dual.impulse_paths import fill_trajectories, keep_fewest
@@ -36,10 +38,14 @@ from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
 from closeform.planning.problem.problem import Closest, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
+if TYPE_CHECKING:
+    from closeform.planning.delta_v.thrust_loss import ImpulseFailures
+
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
 FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: significant impulses, and negligible ones
 NEAR = 1.05  # norm beyond which insignificant planes are dropped
+SAME = 1e-6  # of a craft's time: impulses closer than this are one
 APART = 0.02  # of a craft's duration: closer impulses are merged
 AIM = 1.0 + 1e-6  # of a zone: distance of planes, so that moving contacts stay clear
 ALIKE = 0.002  # of a pair's window: closer planes are merged
@@ -82,12 +88,12 @@ class ImpulseSolver:
         problem: Problem,
         thrusters: Sequence[Thrusters | None],
         names: Sequence[str],
-        failures: Failures | None = None,
+        failures: ImpulseFailures | None = None,
     ) -> None:
         self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
         self.pushes = Pushes.of(thrusters, problem.orbit._rate)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
-        self.needed = inf  # factor of these limits that is proven necessary
+        self.needed = inf  # smallest factor of these limits that planes without a solution require
         self.least = AIM  # of a zone: minimum distance of planes
         self.closest = Closest()
         self.requirements = PathRequirements(problem, self.pushes)
@@ -360,7 +366,9 @@ class ImpulseSolver:
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the minimum delta-v that satisfies a program's planes; None above `bar`."""
-        contacts, moments = program.contacts, self.requirements.allowed(program.moments)
+        ends = self.problem.base[:, [START, END]]
+        distinct = map(Moments.distinct, program.moments, ends, SAME * np.ptp(ends, axis=1))
+        contacts, moments = program.contacts, self.requirements.allowed(list(distinct))
         fleet, planes = self.fleet(moments), self.planes(contacts, aim)
         found = self.dual(fleet, planes, accuracy, bar)
         if found is None:
@@ -374,23 +382,20 @@ class ImpulseSolver:
         if self.pushes.fixed.any() and not arrive(self.problem, trajectories, self.finals):
             return None
         checked = self.checked(trajectories, contacts)
-        self.requirements.relinearise(checked.kept)
-        self.closest.note(checked.worst, trajectories)
+        self.requirements.relinearise(checked.outside)
+        self.closest.note(checked.worst, trajectories, checked.outside)
         spent = float(sizes_of(impulses).sum())
         return Spent(trajectories, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
 
     def checked(self, trajectories: Trajectories, contacts: Contacts) -> Checked:
-        """Return conflicts of paths, with thrust and after its loss, and whether requirements are kept.
-
-        Where they are not, planes are added for the next round.
-        """
+        """Return conflicts of paths, with thrust and after its loss, and the shortfall of requirements."""
         if self.failures is None:
             found = Checked(self.problem.conflicts(trajectories), Contacts.none(), 1.0)
         else:
             found = self.failures.checked(trajectories, contacts.some(pushing(contacts) & drifting(contacts)))
-        return (
-            found._replace(kept=self.requirements.hold(trajectories)) if self.problem.requirements else found
-        )
+        if not self.problem.requirements:
+            return found
+        return found._replace(outside=self.requirements.shortfall(trajectories))
 
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
@@ -412,15 +417,19 @@ class ImpulseSolver:
 
         Thrust is kept out of the cones without thrust, which the bound does not count.
         """
-        free = found = self.priced(fleet, planes, tolerance, bar)
-        halves = Planes.room(0)
-        for _ in range(TURNS if self.requirements.steer else 0):
-            if free is None or found is None:
-                return None
-            halves = self.requirements.half_spaces(fleet, found.impulses, halves)
-            found = self.priced(fleet, planes, tolerance, bar, halves)
-            found = found and found._replace(least=free.least)
-        return found
+        free = self.priced(fleet, planes, tolerance, bar)
+        if free is None or not self.requirements.steer:
+            return free
+        found = free
+        impulses, halves = self.requirements.on_last_sides(fleet, free.impulses), self.requirements.halves
+        for _ in range(TURNS):
+            halves = self.requirements.half_spaces(fleet, impulses, halves)
+            turned = self.priced(fleet, planes, tolerance, bar, halves)
+            if turned is None:  # none near the last paths: the next may lead elsewhere
+                self.requirements.halves = Planes.room(0)
+                return free if bar == inf else None
+            found, impulses = turned, turned.impulses
+        return found._replace(least=free.least)
 
     def priced(
         self, fleet: Fleet, planes: Planes, tolerance: float, bar: float, halves: Planes | None = None

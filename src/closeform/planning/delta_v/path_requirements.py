@@ -22,6 +22,8 @@ from closeform.planning.requirements.thrust_directions import ThrustRequirement
 ACTIVE = 1e-6  # of the largest multiplier: planes below it are dropped
 ALONG = 1e-6  # of a thrust: smaller parts perpendicular to a cone's axis are rounding
 PAIRED = 1e-3  # of a craft's time: between impulses on opposite sides of a cone
+INSTANTS = 0.0, 0.5, 1.0  # shares of a burn at which its direction is kept out of cones
+UNPROVEN = 1e-6  # reserves: shortfall of paths that keep the requirements without proof
 SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
 
 
@@ -32,28 +34,30 @@ class PathRequirements:
         self.problem, self.pushes = problem, pushes
         self.trajectories = problem.direct  # last paths
         self.planes, self.reserves = Planes.room(0), np.empty(0)
+        self.halves = Planes.room(0)  # last half-spaces of thrust
         self.inward = 1.0  # factor of the reserves
-        self.outside = 0.0  # shortfall of the last paths, in reserves
 
     def violations(self, trajectories: Trajectories) -> float:
         """Add planes where paths leave the requirements; return the largest shortfall in reserves."""
         paths, short = self.problem.path(trajectories), -inf
         for i, own in enumerate(self.among(trajectories)):
             for one in own:
-                worst, times, states = one._worst(paths[i])
-                fresh = self.supporting(i, one, times, states)
+                worst = one._worst(paths[i])
+                fresh = self.supporting(i, one, worst.times, worst.states)
                 self.planes = self.planes.joined(fresh)
                 self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
-                short = max(short, -worst / one.reserve)
+                short = max(short, -worst.margin / one.reserve)
         return short
 
-    def hold(self, trajectories: Trajectories) -> bool:
-        """Return whether paths keep all requirements, by proof; add planes where they do not."""
-        self.outside, paths = max(self.violations(trajectories), 0.0), self.problem.path(trajectories)
-        self.trajectories = trajectories
-        return self.outside == 0.0 and all(
-            one.holds(paths[i]) for i, own in enumerate(self.among(trajectories)) for one in own
-        )
+    def shortfall(self, trajectories: Trajectories) -> float:
+        """Return by how many reserves paths leave the requirements, 0 if they keep all by proof.
+
+        Planes are added where they do not.
+        """
+        self.trajectories, paths = trajectories, self.problem.path(trajectories)
+        short = max(self.violations(trajectories), 0.0)
+        every = ((one, i) for i, own in enumerate(self.among(trajectories)) for one in own)
+        return short if short or all(one.holds(paths[i]) for one, i in every) else UNPROVEN
 
     def among(self, trajectories: Trajectories) -> list[list[Requirement]]:
         """Return the requirements of each craft, among the paths of all bodies."""
@@ -80,12 +84,12 @@ class PathRequirements:
         """Return the planes, moved inward by their reserves."""
         return self.planes._replace(misses=self.planes.misses + self.inward * self.reserves)
 
-    def relinearise(self, kept: bool) -> None:
-        """Move planes further inward if the last paths do not keep the requirements, else back."""
-        if kept:
+    def relinearise(self, outside: float) -> None:
+        """Move planes further inward by the shortfall of the last paths [reserves], else back."""
+        if not outside:
             self.inward = max(1.0, 0.5 * self.inward)
-        elif self.outside < SHORT:  # a small step inward replaces many more planes
-            self.inward += self.outside
+        elif outside < SHORT:  # a small step inward replaces many more planes
+            self.inward += outside
 
     def keep(self, multipliers: Floats, share: float = ACTIVE) -> Any:
         """Keep only the planes with significant multipliers; return their mask."""
@@ -152,17 +156,25 @@ class PathRequirements:
 
     def cones(self, i: int, times: Floats, widths: Floats) -> tuple[Floats, Floats]:
         """Return axes (C, J, 3) and half-angles (C, J) without thrust of a craft, during moments (J,)."""
-        axes, angles = np.empty((0, len(times), 3)), np.empty((0, len(times)))
+        axes, angles = [np.empty((0, len(times), 3))], [np.empty((0, len(times)))]
+        path, none = self.problem.path(self.trajectories)[i], np.zeros(len(times))
         for one in self.among(self.trajectories)[i]:
             if isinstance(one, ThrustRequirement):
-                about = 0.5 * widths
-                states = self.problem.path(self.trajectories)[i].state(times + about)
-                fresh, wide = one._excluded(
-                    times + about, states[:, :3], about, np.linalg.norm(states[:, 3:], axis=1)
-                )
-                wide = np.minimum(wide + np.radians(self.inward * one.reserve), pi / 2.0)
-                axes, angles = np.concatenate([axes, fresh]), np.concatenate([angles, wide])
-        return axes, angles
+                for share in INSTANTS if widths.any() else INSTANTS[:1]:
+                    instants = times + share * widths
+                    fresh, wide = one._excluded(instants, path.position(instants), none, none)
+                    axes.append(fresh)
+                    angles.append(np.minimum(wide + np.radians(self.inward * one.reserve), pi / 2.0))
+        return np.concatenate(axes), np.concatenate(angles)
+
+    def on_last_sides(self, fleet: Fleet, impulses: Floats) -> Floats:
+        """Return impulses (N, J, 3), turned to the sides of the last half-spaces at the same moments."""
+        turned = impulses.copy()
+        for i, count in enumerate(fleet.counts):
+            own = self.halves.some(self.halves.first == i)
+            which, j = np.nonzero(own.moments[:, None] == fleet.times[i, :count])
+            turned[i, j] = own.rows[which, 3:]
+        return turned
 
     def half_spaces(self, fleet: Fleet, impulses: Floats, before: Planes) -> Planes:
         """Return planes that keep impulses (N, J, 3) out of the cones without thrust.
@@ -189,7 +201,8 @@ class PathRequirements:
             planes.times[:], planes.misses[:], planes.moments[:] = times[j], 0.0, times[j]
             planes.first[:], planes.second[:], planes.cuts[:] = i, -1, times[j, None]
             found.append(planes)
-        return Planes.room(0).joined(*found)
+        self.halves = Planes.room(0).joined(*found)
+        return self.halves
 
 
 def beside(axes: Floats) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.planning.energy.exit_directions import exit_normals
-from closeform.planning.energy.local_solver import LocalSolver, Solution, nearer, shifted
+from closeform.planning.energy.local_solver import LocalSolver, Solution, shifted
 from closeform.planning.energy.side_costs import Turn, turned_energies
 from closeform.planning.problem.contacts import Sides
 from closeform.planning.problem.problem import Problem
@@ -97,8 +97,6 @@ class Search:
                 self.drawn += 1
                 self.examine(Contacts.none(), shifted(self.problem, self.drawn, 1.0, FAR))
             improved = improved if self.best is before else self.tried
-        if self.best is not None and not self.best.optimal:
-            self.settle(self.best)
         best = self.best or self.first
         assert best is not None  # a budget is at least one candidate
         return Found(best, self.solver.margin, self.proven, self.tried)
@@ -114,12 +112,6 @@ class Search:
         if self.budget is not None:
             return self.budget, inf
         return (budget + MORE, inf) if self.more else (budget, patience)
-
-    def settle(self, best: Solution) -> None:
-        """Continue the rounds of the best solution, if they ended early."""
-        last = self.solver.solve(best.contacts, nearer(self.problem), best.energy)
-        if last.clear and last.energy < best.energy:
-            self.best, self.proven = last, self.solver.proven(last)
 
     def examine(self, start: Contacts, sides: Sides) -> Solution:
         """Solve from a start; keep a better solution, and note those with other sides to examine."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -73,15 +73,16 @@ class Effort:
 
 @dataclass(eq=False)
 class Closest:
-    """Paths with the largest minimum `norm` of all that a search has checked."""
+    """Paths with the largest minimum `norm` of all that a search has checked; if equal, least `outside`."""
 
-    norm: float = 0.0
+    norm: float = -inf
+    outside: float = 0.0  # largest shortfall of requirements on single craft, in reserves
     trajectories: Trajectories | None = None
 
-    def note(self, norm: float, trajectories: Trajectories) -> None:
-        """Record paths if none before has as large a minimum norm."""
-        if self.norm < norm:
-            self.norm, self.trajectories = norm, trajectories
+    def note(self, norm: float, trajectories: Trajectories, outside: float = 0.0) -> None:
+        """Record paths if none before is as near to being clear."""
+        if (self.norm, -self.outside) < (norm, -outside):
+            self.norm, self.outside, self.trajectories = norm, outside, trajectories
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, PUSH, START
 from closeform.motion.path import Path
-from closeform.planning.requirements.requirement import Requirement
+from closeform.planning.requirements.requirement import Requirement, Worst
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +32,7 @@ class NoThrust(Requirement):
     >>> eclipse = cf.requirements.NoThrust(start=600.0, end=2700.0)
     """
 
+    unit = "s"
     start: float = field()  # without the defaults of other requirements
     end: float = field()
 
@@ -41,10 +42,18 @@ class NoThrust(Requirement):
 
     def _holds(self, path: Path) -> bool:
         """Return whether a path does not fire in this time."""
+        return self._worst(path).margin >= 0.0
+
+    def _worst(self, path: Path) -> Worst:
+        """Return by how much [s] the firings of a path overlap this time, as a negative margin."""
         arcs = path.arcs
         impulses, burns = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1), arcs[:, PUSH : PUSH + 3].any(axis=1)
-        ends = np.where(burns, arcs[:, END], arcs[:, START])
-        return not (self._forbids(arcs[:, START], ends) & (impulses | burns)).any()
+        begins, ends = arcs[:, START], np.where(burns, arcs[:, END], arcs[:, START])
+        inside = self._forbids(begins, ends) & (impulses | burns)
+        if not inside.any():
+            return Worst()
+        depths = np.minimum(self.end - begins, ends - self.start)[inside]
+        return Worst(-float(depths.max()), float(begins[inside][depths.argmax()]))
 
     def _forbids(self, begins: Floats, ends: Floats) -> Any:
         """Return whether firings (...) overlap this time, from `begins` to `ends` [s]."""

@@ -14,27 +14,37 @@ acceleration, and its velocity by h^2/8 of its largest jerk.  On the chord the m
 one of the two ends.
 
 To add a requirement, derive a class in a file of its own: from `StateRequirement` with `_margin` and
-`_slope`, from `ThrustRequirement` with `_cones`, or from `Requirement` with `_holds` and `_forbids`.
+`_slope`, from `ThrustRequirement` with `_cones`, or from `Requirement` with `_holds`, `_worst`, `_forbids`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from math import inf
-from typing import Any
+from math import inf, nan
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
-from closeform.motion.arc import END, PUSH, START, THRUST
+from closeform.motion.arc import END, PUSH, START, STATE, THRUST
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path, of_one_craft, path_of
 
 SAMPLES = 16  # intervals of an arc, and of an interval that is refined
 FINER = 3  # refinements of a minimum
 AFTER = 1e-6  # of a path's time: planes follow an impulse by this much, so that it counts
 SMALLEST = 1e-10  # of a path's time: intervals are not cut further
+
+
+class Worst(NamedTuple):
+    """Least margin of a path, at a `time` [s], and times (K,) and states (K, 6) of shortfalls of states."""
+
+    margin: float = inf
+    time: float = nan
+    times: Floats = np.empty(0)
+    states: Floats = np.empty((0, 6))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,13 +66,13 @@ class Requirement(ABC):
         Parameters
         ----------
         path : Path
-            Coasts, impulses and burns of constant thrust of one spacecraft.
+            Coasts, impulses, burns and arcs of minimum energy of one spacecraft.
 
         Returns
         -------
         bool
-            False also where the path touches the surface so closely that rounding decides.  Thrust that
-            varies along an arc, as of thrusters in inertial axes, is judged at samples, without a proof.
+            False also where the path touches the surface so closely that rounding decides.  Thrust of
+            thrusters in inertial axes is judged at samples, without a proof.
 
         Raises
         ------
@@ -95,9 +105,9 @@ class Requirement(ABC):
         """Return the slope (6,) of the margin at a state (6,)."""
         return np.zeros(6)
 
-    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
-        """Return the least margin of a path, and times (K,) and states (K, 6) of shortfalls: none."""
-        return inf, np.empty(0), np.empty((0, 6))
+    @abstractmethod
+    def _worst(self, path: Path) -> Worst:
+        """Return where a path violates the requirement most, or has its least margin."""
 
 
 class StateRequirement(Requirement):
@@ -162,16 +172,13 @@ class StateRequirement(Requirement):
         ----------
         docs/avoidance.md, corridors.
         """
-        return self._worst(of_one_craft(path))[0]
+        return self._worst(of_one_craft(path)).margin
 
-    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
-        """Return the least margin of a path between samples, and times (K,), states (K, 6) of shortfalls.
-
-        These are the local minima of the margin below the reserve.
-        """
+    def _worst(self, path: Path) -> Worst:
+        """Return the least margin of a path, between samples too; shortfalls are minima below the reserve."""
         arcs, spans = self._spans(path)
         if not len(arcs):
-            return inf, np.empty(0), np.empty((0, 6))
+            return Worst()
         spans[:, 0] += np.minimum(AFTER * float(path.end - path.start), 0.1 * (spans[:, 1] - spans[:, 0]))
         shares = np.linspace(0.0, 1.0, SAMPLES + 1)
         times = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * shares
@@ -180,8 +187,9 @@ class StateRequirement(Requirement):
         lowest_near = margins - self._off_chord(path, arcs, spans)[:, None]
         low = (lowest_near < self.reserve) & (margins <= around[:, :-2]) & (margins <= around[:, 2:])
         row, column = np.nonzero(low)
+        sampled = Worst(float(margins.min()), float(times.flat[margins.argmin()]))
         if not len(row):
-            return float(margins.min()), np.empty(0), np.empty((0, 6))
+            return sampled
         width = (spans[row, 1] - spans[row, 0]) / SAMPLES
         lowest = times[row, column]
         for _ in range(FINER):
@@ -196,13 +204,16 @@ class StateRequirement(Requirement):
         found = np.take_along_axis(there, best[:, :, None], 1)[:, 0]
         least = np.take_along_axis(each, best, 1)[:, 0]
         short = least < self.reserve
-        return min(float(margins.min()), float(least.min())), lowest[short], found[short]
+        refined = Worst(float(least.min()), float(lowest[least.argmin()]))
+        return min(refined, sampled, key=lambda one: one.margin)._replace(
+            times=lowest[short], states=found[short]
+        )
 
     def _holds(self, path: Path) -> bool:
         """Return `holds` of a path."""
         arcs = of_one_craft(path).arcs
-        if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
-            return self._worst(path)[0] >= 0.0
+        if arcs[:, PUSH + 3 :].any():
+            return self._worst(path).margin >= 0.0
         arcs, spans = self._spans(path)
         if not len(arcs):
             return True
@@ -224,7 +235,7 @@ class StateRequirement(Requirement):
     def _off_chord(self, path: Path, arcs: Floats, spans: Floats) -> Floats:
         """Return bounds (A,) by which the margin falls below that of chords between samples of arcs."""
         h = (spans[:, 1] - spans[:, 0]) / SAMPLES
-        bend, jerk = path.orbit._bends(arcs)
+        bend, jerk = bounds(path, arcs)
         return (self.per_metre * bend + self.per_speed * jerk) * h * h / 8.0
 
     def _spans(self, path: Path) -> tuple[Floats, Floats]:
@@ -238,3 +249,39 @@ def on_arcs(path: Path, arcs: Floats, times: Floats) -> Floats:
     """Return states (A, T, 6) on each of A arcs at its own times (A, T)."""
     rows = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     return rows._evaluate_rows(times)
+
+
+def bounds(path: Path, arcs: Floats) -> tuple[Floats, Floats]:
+    """Return bounds (A,) on the acceleration [m/s^2] and the jerk [m/s^3] of coasts, burns and optimal arcs.
+
+    Velocity and acceleration of an arc with constant push are themselves a natural motion.  Optimal thrust is
+    one too, and its rate pushes them: a unit change of the acceleration grows to less than 8, and changes the
+    jerk by less than 5 n.  About any other chief they are those of its table's polynomials.
+    """
+    if isinstance(path.orbit, ChiefOrbit):
+        return path.orbit._bends(arcs)
+    n = path.orbit.mean_motion
+    speeds = arcs[:, STATE + 3 : STATE + 6]
+    accelerations = hill(n, arcs[:, STATE : STATE + 3], speeds) + arcs[:, PUSH : PUSH + 3]
+    accelerations += arcs[:, THRUST : THRUST + 3]
+    bend, jerk = rates(n, speeds, accelerations)
+    pushed = rates(n, arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : THRUST + 6])[0]
+    grown = pushed * (arcs[:, END] - arcs[:, START])
+    return bend + 8.0 * grown, jerk + pushed + 5.0 * n * grown
+
+
+def hill(n: float, places: Floats, speeds: Floats) -> Floats:
+    """Return the accelerations (A, 3) of natural motion."""
+    x, z = places[:, 0], places[:, 2]
+    return np.stack([3.0 * n * n * x + 2.0 * n * speeds[:, 1], -2.0 * n * speeds[:, 0], -n * n * z], axis=1)
+
+
+def rates(n: float, places: Floats, speeds: Floats) -> tuple[Floats, Floats]:
+    """Return bounds (A,) on the speeds and accelerations of natural motions from places and speeds (A, 3)."""
+    if n == 0.0:
+        return np.linalg.norm(speeds, axis=1), np.zeros(len(speeds))
+    radial = np.hypot(3.0 * places[:, 0] + 2.0 * speeds[:, 1] / n, speeds[:, 0] / n)
+    across = np.hypot(places[:, 2], speeds[:, 2] / n)
+    swing = np.sqrt(4.0 * radial**2 + across**2)
+    drift = np.abs(6.0 * n * places[:, 0] + 3.0 * speeds[:, 1])
+    return drift + n * swing, n * n * swing

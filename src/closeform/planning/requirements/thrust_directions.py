@@ -26,7 +26,7 @@ import numpy as np
 from closeform.arrays import Floats, number
 from closeform.motion.arc import END, IMPULSE, PUSH, START, THRUST
 from closeform.motion.path import Path, of_one_craft
-from closeform.planning.requirements.requirement import SMALLEST, Requirement, on_arcs
+from closeform.planning.requirements.requirement import SMALLEST, Requirement, Worst, bounds, on_arcs
 
 PERIODS = 8  # of a burn, at first
 
@@ -69,10 +69,14 @@ class ThrustRequirement(Requirement):
             spans[::2, 1] = spans[1::2, 0] = spans[::2].mean(axis=1)
         return True
 
-    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
-        """Return the least angle [deg] between thrust and the cones, and no planes of states."""
-        least = self._clearances(path, *self._firings(path), 0.0).min(initial=inf)
-        return float(least), np.empty(0), np.empty((0, 6))
+    def _worst(self, path: Path) -> Worst:
+        """Return the least angle [deg] between thrust and the cones."""
+        arcs, spans, impulses = self._firings(path)
+        if not len(arcs):
+            return Worst()
+        angles = self._clearances(path, arcs, spans, impulses, 0.0)
+        least = int(angles.argmin())
+        return Worst(float(angles[least]), float(spans[least].mean()))
 
     def _firings(self, path: Path) -> tuple[Floats, Floats, Any]:
         """Return arcs (F, 30) with thrust, the periods (F, 2) to check, and which (F,) are impulses."""
@@ -88,7 +92,7 @@ class ThrustRequirement(Requirement):
         """Return angles (F,) [deg] of thrust outside of all cones, in the middle `share` of each period."""
         middle, about = spans.mean(axis=1), 0.5 * share * np.ptp(spans, axis=1)
         states = on_arcs(path, arcs, middle[:, None])[:, 0]
-        speeds = np.linalg.norm(states[:, 3:], axis=1) + path.orbit._bends(arcs)[0] * about
+        speeds = np.linalg.norm(states[:, 3:], axis=1) + bounds(path, arcs)[0] * about
         along = np.where(impulses[:, None], arcs[:, IMPULSE : IMPULSE + 3], path.thrust(middle))
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
         turned = np.where(arcs[:, PUSH + 3 :].any(axis=1), path.orbit._rate * about, 0.0)
