@@ -262,7 +262,7 @@ class Request:
         if self.requirements and self.cost == "energy":
             if isinstance(self.orbit, ChiefOrbit):
                 raise ValueError(
-                    f"requirements: at minimum energy they are planned about a circular orbit only, not about "
+                    "requirements: at minimum energy they are planned about a circular orbit only, not about "
                     f"{self.orbit.chief}; set cost 'delta-v'"
                 )
             for one in (one for own in self.requirements for one in own):
