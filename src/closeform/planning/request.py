@@ -274,7 +274,6 @@ class Request:
                     )
             unsupported: dict[str, Any] = {
                 "drift": self.drift,
-                "errors": self.errors,
                 "prove": self.proof_time or None,
             }
             unsupported["method"] = None if self.method in ("joint", "exact") else self.method

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import chain, islice
 from math import inf, nan
 
@@ -24,7 +23,7 @@ from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
 from closeform.planning.limits import FULL
 from closeform.planning.loop import Approach
-from closeform.planning.minimum_energy import Outcome, contacts_of, solve
+from closeform.planning.minimum_energy import Outcome, contacts_of
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.plan import ThrustShortfall
 from closeform.planning.problem.problem import Problem, deepest
@@ -51,6 +50,7 @@ def solve_impulses(
     problem: Problem,
     thrusters: Sequence[Thrusters | None],
     names: Sequence[str],
+    by_energy: Callable[[], Outcome],
     budget: int | None = None,
     more: bool = False,
     limits: Floats | None = None,
@@ -58,10 +58,10 @@ def solve_impulses(
     """Return the best paths of minimum delta-v, and the unconstrained optima; `budget` limits the starts.
 
     Burns are within `limits` (N,) [m/s^2], if given.  If no impulses are clear, craft without thrusters
-    receive the paths of minimum energy, with their delta-v. Raises ValueError naming a craft whose thrusters
-    cannot reach its final state, and TooLittleThrust for a craft whose limit is too low.
+    receive the paths of minimum energy of `by_energy`, with their delta-v.  Raises ValueError naming a craft
+    whose thrusters cannot reach its final state, and TooLittleThrust for a craft whose limit is too low.
     """
-    by_energy, failures = cache(lambda: solve(problem, more=more, waiting=False)), None
+    failures = None
     if problem.drift is not None:
         from closeform.planning.delta_v.thrust_loss import ImpulseFailures
 
