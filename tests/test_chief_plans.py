@@ -255,8 +255,8 @@ def least_after_losses(own, client, until, losses):
     times, states = losses
     every = np.union1d(times, np.linspace(own.start, until, 1500))
     flows = matrices_by_integration(own.orbit, every)
-    after = flows @ np.linalg.inv(flows[np.searchsorted(every, times)])[:, None]
-    places = (after @ states[:, None, :, None])[..., :3, 0] - client.position(every)  # (failure, time, axis)
+    begun = np.linalg.solve(flows[np.searchsorted(every, times)], states[..., None])[..., 0]
+    places = np.einsum("tij,kj->kti", flows[:, :3], begun) - client.position(every)  # (failure, time, axis)
     ratios = np.linalg.norm(places / SEMI_AXES, axis=2)
     return np.where(every >= times[:, None], ratios, np.inf).min()
 
