@@ -258,9 +258,9 @@ def worst_loss(
     ]
     for at, jump in fails.impulses:
         if at < end:
-            losses = partial(amid_impulse, fails.state(at), jump, at)
-            near = nearest_shares(fails, meets, zone, losses(np.array([0.0, 1.0]))[1], at, end)
-            parts.append((losses, np.union1d(near, np.linspace(0.0, 1.0, SHARES))))
+            amid = partial(amid_impulse, fails.state(at), jump, at)
+            near = nearest_shares(fails, meets, zone, amid(np.array([0.0, 1.0]))[1], at, end)
+            parts.append((amid, np.union1d(near, np.linspace(0.0, 1.0, SHARES))))
     each = [losses(places) for losses, places in parts]
     ratios = examined(*map(np.concatenate, zip(*each, strict=True)))
     basins: list[tuple[float, int, int]] = []
