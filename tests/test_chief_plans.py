@@ -255,8 +255,8 @@ def least_after_losses(own, client, until, losses):
     times, states = losses
     every = np.union1d(times, np.linspace(own.start, until, 1500))
     flows = matrices_by_integration(own.orbit, every)
-    after = flows @ np.linalg.inv(flows[np.searchsorted(every, times)])[:, None]
-    places = (after @ states[:, None, :, None])[..., :3, 0] - client.position(every)  # (failure, time, axis)
+    begun = np.linalg.solve(flows[np.searchsorted(every, times)], states[..., None])[..., 0]
+    places = np.einsum("tij,kj->kti", flows[:, :3], begun) - client.position(every)  # (failure, time, axis)
     ratios = np.linalg.norm(places / SEMI_AXES, axis=2)
     return np.where(every >= times[:, None], ratios, np.inf).min()
 
@@ -394,7 +394,12 @@ def test_plans_keep_three_sigmas(kind, cost):
 
 def test_what_is_not_planned_about_a_chief_is_refused_with_an_alternative():
     direct, client = case(0.1)
-    for options, remedy in (({"method": "sauter-palmer"}, "omit"),):
+    inertial = cf.Thrusters(np.concatenate([np.eye(3), -np.eye(3)]), "inertial")
+    for options, remedy in (
+        ({"method": "sauter-palmer"}, "omit"),
+        ({"requirements": cf.requirements.SpeedLimit(limit=1.0)}, "delta-v"),
+        ({"cost": "delta-v", "thrusters": inertial}, "orbit's axes"),
+    ):
         with pytest.raises(ValueError, match=remedy):
             cf.avoid(direct, client, ZONE, **options)
     with pytest.raises(ValueError, match="same orbit"):

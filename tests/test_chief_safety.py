@@ -97,6 +97,25 @@ def test_either_spacecraft_may_fail():
     assert not cf.passively_safe(longer, both, zone, 5000.0, failing="either") or min(samples) > 1.0
 
 
+@pytest.mark.parametrize("kind", ["two_impulse", "impulsive"])
+def test_interrupted_impulses_are_bounded_near_the_worst_of_many_samples(kind):
+    """After long drifts the nearest share of an impulse is one of many minima, some of them narrow."""
+    orbit, zone = cf.Orbit.eccentric(0.7, perigee_altitude=700e3), cf.Sphere(50.0)
+    random = np.random.default_rng(3)
+    for _ in range(3):
+        ends, begin = random.normal(size=(2, 6)) * UNITS, random.uniform(0.0, orbit.period)
+        path = getattr(orbit, kind)(*ends, random.uniform(0.3, 1.0) * orbit.period, begin)
+        until = path.end + 2.5 * orbit.period
+        other, least = orbit.coast(np.zeros(6), until), np.inf
+        for at, jump in path.impulses:
+            states = np.repeat(path.state(at)[None], 2001, axis=0)
+            states[:, 3:] -= np.linspace(1.0, 0.0, 2001)[:, None] * jump
+            drifts = orbit.coast(states, until - at, np.full(2001, at))
+            least = min(least, cf.closest_approach(drifts, other, zone).ratio.min())
+        found = cf.drift_approach(path, other, zone, until)
+        assert 0.998 * found.ratio <= found.lower <= found.ratio <= least * (1.0 + 1e-9)
+
+
 def test_batches_and_j2():
     orbit = cf.Orbit.perturbed(0.001, 1.1, perigee_altitude=600e3, span=30_000.0)
     ends = np.array([[0, -900, 0, 0, 0, 0], [0, -250, 0, 0, 0, 0.0]])

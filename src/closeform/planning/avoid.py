@@ -110,7 +110,7 @@ def avoid(
         Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
         `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance); on its thrust: times of `NoThrust`,
         `ThrustExclusion` and `Plume`.  Those on thrust require cost "delta-v", and so do all of them with
-        `drift`, errors, `prove` or another method.  The lower bound counts those on states.
+        `drift`, `prove` or another method.  The lower bound counts those on states.
 
     Returns
     -------

@@ -24,6 +24,7 @@ class Outcome:
     `delta_v` [m/s] is set where it was minimised, summed over thrusters.  `enough` (N,) [m/s^2] is the thrust
     of clear paths where none was found within limits; `limited` is True if clear paths exist without limits.
     `needed` is the smallest factor of the limits that planes without a solution require, inf without any.
+    `least` [m^2/s^3] is a lower bound on the energy, where requirements on single craft raise it.
     `priced` is True if the multipliers are slopes of the minimised cost.  `closest` are the
     paths nearest to being clear where none is; `unfired` is True if impulses are clear but pulses are not.
     """
@@ -41,6 +42,7 @@ class Outcome:
     enough: Floats | None = None
     limited: bool = False
     needed: float = inf
+    least: float = 0.0
     closest: Closest = field(default_factory=Closest)
     unfired: bool = False
     below_bit: int = 0  # impulses that thrusters cannot give, where no clear plan without any was found
@@ -56,8 +58,9 @@ class Outcome:
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
     """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
 
-    Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
-    `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
+    The problem has zones alone, or a loss of thrust.  Zones are enlarged only by what rounding requires, and
+    by more only if no clear path is found.  With `waiting`, passively safe paths are otherwise blended from a
+    two-impulse plan with waits.
     """
     if problem.drift is not None:
         from closeform.planning.passive.passive_search import PassiveSearch
@@ -73,12 +76,6 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
             return passive
         extra = max(problem.energy(trajectories) - problem.energy(problem.direct), 0.0)
         return Outcome(trajectories, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
-    if problem.sigmas:
-        from closeform.planning.sigmas.sigma_problem import SigmaProblem
-        from closeform.planning.sigmas.sigma_search import SigmaSearch
-
-        assert isinstance(problem, SigmaProblem)
-        return outcome(SigmaSearch(problem, MARGINS[0], budget, more).run())
     searches = []
     for margin in MARGINS if problem.count == 1 else MARGINS[:1]:
         searches.append(Search(problem, margin, budget, more).run())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from math import inf, nan
 
 import numpy as np
@@ -23,11 +24,12 @@ from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_impulses, unconstrained
 from closeform.planning.energy.side_search import MARGINS, Found
+from closeform.planning.energy_solver import least_energy
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
-from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
+from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome
 from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak
 from closeform.planning.problem.problem import Problem, Trajectories, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
@@ -88,21 +90,13 @@ def attempt(request: Request, more: bool = False) -> Plan:
         found = deviated(problem, request.names)
     elif request.method == "sequential":
         found = one_by_one(problem, request.order or range(problem.count), request.budget, more)
-    elif request.requirements:
-        from closeform.planning.restricted_energy import solve_restricted  # needs kernels of its own
-
-        found, bound = solve_restricted(problem, request.budget, more)
-        plan = replace(plan, lower_bound=bound)
     elif request.method == "distributed":
         found = by_messages(problem, request.order or range(problem.count), request.budget)
     else:
-        found = solve(problem, request.budget, more)
-        if (
-            found.trajectories is None
-            and problem.count > 1
-            and problem.drift is None
-            and request.errors is None
-        ):
+        found = least_energy(problem, request.budget, more)
+        plan = replace(plan, lower_bound=max(least, found.least))
+        plain = problem.drift is None and not (request.errors or request.requirements)
+        if found.trajectories is None and problem.count > 1 and plain:
             alone = one_by_one(problem, range(problem.count), request.budget, more)
             found = joined(problem, alone, found)
     if found.trajectories is None:
@@ -198,8 +192,11 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         if problem.drift is not None or not free.checked.clear:
             status, pair, reason = none
             return replace(beside(plan, problem, free), status=status, reason=reason, blocked=pair)
+    bare = replace(problem, requirements=()) if problem.requirements and problem.drift is None else problem
+    by_energy = cache(lambda: least_energy(bare, more=more, waiting=False))
     try:
-        found, free = solve_impulses(problem, request.thrusters, names, request.budget, more, limits)
+        given = request.thrusters, names, by_energy, request.budget, more, limits
+        found, free = solve_impulses(problem, *given)
     except TooLittleThrust as little:
         assert limits is not None
         weak = shortage(problem, limits, little)

@@ -260,6 +260,11 @@ class Request:
         The same applies to an obstacle that ends before the drift.
         """
         if self.requirements and self.cost == "energy":
+            if isinstance(self.orbit, ChiefOrbit):
+                raise ValueError(
+                    "requirements: at minimum energy they are planned about a circular orbit only, not about "
+                    f"{self.orbit.chief}; set cost 'delta-v'"
+                )
             for one in (one for own in self.requirements for one in own):
                 if not isinstance(one, StateRequirement):
                     kind = type(one).__name__
@@ -269,7 +274,6 @@ class Request:
                     )
             unsupported: dict[str, Any] = {
                 "drift": self.drift,
-                "errors": self.errors,
                 "prove": self.proof_time or None,
             }
             unsupported["method"] = None if self.method in ("joint", "exact") else self.method

@@ -36,6 +36,10 @@ Losses = Callable[[Floats], tuple[Floats, Floats]]  # times (K,) of losses and s
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
 # Losses of thrust beside any chief, over a path and amid each impulse, then near the lowest MINIMA of them.
 LOSSES, MINIMA = (200, *(21,) * 5), 4
+INSTANTS, SHARES = (
+    1000,
+    65,
+)  # of a drift, at which the nearest share of an impulse is found, and further shares
 CERTAIN, HALVINGS = 0.999, 8  # of the minimum found: bound that is proven, or else halvings to one that is
 
 
@@ -248,7 +252,9 @@ def worst_loss(
     ]
     for at, jump in fails.impulses:
         if at < end:
-            parts.append((partial(amid_impulse, fails.state(at), jump, at), np.linspace(0.0, 1.0, counts[0])))
+            amid = partial(amid_impulse, fails.state(at), jump, at)
+            near = nearest_shares(fails, meets, zone, amid(np.array([0.0, 1.0]))[1], at, end)
+            parts.append((amid, np.union1d(near, np.linspace(0.0, 1.0, SHARES))))
     each = [losses(places) for losses, places in parts]
     ratios = examined(*map(np.concatenate, zip(*each, strict=True)))
     basins: list[tuple[float, int, int]] = []
@@ -270,6 +276,21 @@ def amid_impulse(after: Floats, jump: Floats, at: float, shares: Floats) -> tupl
     states = np.repeat(after[None], len(shares), axis=0)
     states[:, 3:] -= (1.0 - shares)[:, None] * jump
     return np.full(len(shares), at), states
+
+
+def nearest_shares(fails: Path, meets: Path, zone: Zone, states: Floats, at: float, end: float) -> Floats:
+    """Return shares (K,) of an impulse after which a drift comes nearest to another path, at some instant.
+
+    Drifts are on the chord between those of `states` (2, 6), without and with all of the impulse.
+    """
+    times = np.linspace(at, end, INSTANTS)
+    first, last = fails.orbit.coast(states, end - at, at).position(times)
+    start = (first - meets.position(np.clip(times, meets.start, meets.end))) @ zone.matrix.T
+    chord = (last - first) @ zone.matrix.T
+    share = -(start * chord).sum(axis=1) / np.maximum((chord * chord).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(share, 0.0, 1.0)
+    apart = np.pad(np.linalg.norm(start + share[:, None] * chord, axis=1), 1, constant_values=np.inf)
+    return np.asarray(share[(apart[1:-1] <= apart[:-2]) & (apart[1:-1] <= apart[2:])])
 
 
 def drift_approach(

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import chain, islice
 from math import inf, nan
 
@@ -17,14 +16,13 @@ from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_proof import DeltaVProof
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_descent import at_rest, descended
-from closeform.planning.delta_v.impulse_solver import AIM, LAST, NEAR, WIDEST, ImpulseSolver, beside
+from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.delta_v.thruster_allocation import shared
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
 from closeform.planning.limits import FULL
-from closeform.planning.loop import Approach
-from closeform.planning.minimum_energy import Outcome, contacts_of, solve
+from closeform.planning.minimum_energy import Outcome, contacts_of
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.plan import ThrustShortfall
 from closeform.planning.problem.problem import Problem, deepest
@@ -40,17 +38,16 @@ STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures 
 # Of the free delta-v: above it, planes are also moved out by these distances in zones, and the cheapest
 # results are followed down.
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
-AGAIN, GAINING = 3, 0.99  # further steps from few impulses, while the cost falls by this factor
 ABOUT = 5  # safe impulsive paths near which pulses are sought
 PULSING = 0.6  # of the effort, in addition for pulses where these are not found
 IN_ANY_DIRECTION, STARTING, ROOMY = 0.4, 0.6, 0.7  # of the effort, until which each part may last
-DEAR = 1.1  # times the delta-v of safe paths of minimum energy: impulses above it are rejected
 
 
 def solve_impulses(
     problem: Problem,
     thrusters: Sequence[Thrusters | None],
     names: Sequence[str],
+    by_energy: Callable[[], Outcome],
     budget: int | None = None,
     more: bool = False,
     limits: Floats | None = None,
@@ -58,10 +55,10 @@ def solve_impulses(
     """Return the best paths of minimum delta-v, and the unconstrained optima; `budget` limits the starts.
 
     Burns are within `limits` (N,) [m/s^2], if given.  If no impulses are clear, craft without thrusters
-    receive the paths of minimum energy, with their delta-v. Raises ValueError naming a craft whose thrusters
-    cannot reach its final state, and TooLittleThrust for a craft whose limit is too low.
+    receive the paths of minimum energy of `by_energy`, with their delta-v.  Raises ValueError naming a craft
+    whose thrusters cannot reach its final state, and TooLittleThrust for a craft whose limit is too low.
     """
-    by_energy, failures = cache(lambda: solve(problem, more=more, waiting=False)), None
+    failures = None
     if problem.drift is not None:
         from closeform.planning.delta_v.thrust_loss import ImpulseFailures
 
@@ -152,8 +149,6 @@ def solved(
     if best is not None and fires(solver):
         solver, best = pulses_near(solver, free, begun, best)
     if best is not None:
-        if solver.failures is not None and (plain := cheaper(solver, best, by_energy)) is not None:
-            return replace(plain, tried=tried + plain.tried), free
         return outcome_of(solver, best, tried), free
     if solver.pushes.fixed.any() or problem.requirements:
         blocking = blocked(solver, free)
@@ -322,13 +317,7 @@ def roomier(
     cheapest = min(down, key=lambda one: one.delta_v, default=None)
     if cheapest is None or (best is not None and not cheapest.delta_v < best.delta_v):
         return best
-    best = fewest(solver, cheapest)
-    for _ in range(AGAIN):  # near the changed paths, planes farther out may cost less
-        there = Approach(solver, solver.relinearise, LAST).nearer(best)
-        if there is None or not (there.checked.clear and there.delta_v < GAINING * best.delta_v):
-            break
-        best = fewest(solver, there)
-    return best
+    return fewest(solver, cheapest)
 
 
 def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts], until: float) -> Iterator[Spent]:
@@ -387,21 +376,6 @@ def thrusting(problem: Problem, found: Outcome) -> Outcome:
     """Return an outcome of minimum energy as one of delta-v."""
     spent = nan if found.trajectories is None else float(np.sum(problem.path(found.trajectories).delta_v))
     return replace(found, proven=False, delta_v=spent, priced=False)
-
-
-def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]) -> Outcome | None:
-    """Return safe paths of minimum energy where impulses cost far more; else None.
-
-    They fire in any direction, and keep no requirements.
-    """
-    if solver.pushes.fixed.any() or solver.problem.requirements:
-        return None
-    found = thrusting(solver.problem, by_energy())
-    if found.trajectories is None or not best.delta_v > DEAR * found.delta_v:
-        return None
-    peaks = solver.problem.path(found.trajectories).peak_thrust[: solver.problem.count]
-    limited = solver.limits > 0.0
-    return None if (peaks > FULL * solver.limits)[limited].any() else found
 
 
 def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> ThrustShortfall:

@@ -246,6 +246,11 @@ class ImpulseSolver:
         """Return the moments at which each craft may fire in the next round."""
         return list(map(Moments.joined, self.grid, self.requirements.paired(found.peaks), found.fired(FIRED)))
 
+    def distinct(self, moments: list[Moments]) -> list[Moments]:
+        """Return the moments of each craft, of which no two are closer than SAME."""
+        ends = self.problem.base[:, [START, END]]
+        return list(map(Moments.distinct, moments, ends, SAME * np.ptp(ends, axis=1)))
+
     def focused(self, best: Spent) -> Spent:
         """Return the solution fired at few times near maxima of the primers, if that costs hardly more."""
         apart = APART * (self.problem.base[:, END] - self.problem.base[:, START])
@@ -264,6 +269,9 @@ class ImpulseSolver:
         """Return the solution with as many impulses joined or omitted as possible at hardly more cost."""
         dearer = SAFER if self.problem.requirements else 1.0 + FEWER
         base, most = self.problem.base, dearer * best.delta_v
+        near, apart = best.fired(0.0), self.distinct(best.fired(0.0))
+        if not all(np.array_equal(one.times, own.times) for one, own in zip(near, apart, strict=True)):
+            best = self.refired_at(apart, best, dearer) or best
         sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
         rates = np.maximum(self.problem.orbit._rate, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
@@ -366,9 +374,9 @@ class ImpulseSolver:
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the minimum delta-v that satisfies a program's planes; None above `bar`."""
-        ends = self.problem.base[:, [START, END]]
-        distinct = map(Moments.distinct, program.moments, ends, SAME * np.ptp(ends, axis=1))
-        contacts, moments = program.contacts, self.requirements.allowed(list(distinct))
+        # failures during nearly simultaneous impulses are distinct: these are merged at the end
+        moments = program.moments if self.failures is not None else self.distinct(program.moments)
+        contacts, moments = program.contacts, self.requirements.allowed(moments)
         fleet, planes = self.fleet(moments), self.planes(contacts, aim)
         found = self.dual(fleet, planes, accuracy, bar)
         if found is None:

@@ -188,10 +188,9 @@ class ImpulseFailures:
         rows, side = self.rows_of(wide, found), side_of(found)
         start, end = wide[0][rows, START], wide[0][rows, END]
         ball = self.scene.shapes[self.problem.kinds[found.which]] == BALL
-        ends = []
-        for at in (start, end):
-            drifts = np.ascontiguousarray(np.where(found.drifts > 0.0, (found.times - at)[:, None], 0.0))
-            ends.append(self.problem.motions(wide, found._replace(drifts=drifts))[:, 0])
+        lost = [np.where(found.drifts > 0.0, (found.times - at)[:, None], 0.0) for at in (start, end)]
+        both = found.joined(found)._replace(drifts=np.concatenate(lost))
+        ends = np.split(self.problem.motions(wide, both)[:, 0], 2)
         chord = ends[1] - ends[0]
         square = (chord * chord).sum(axis=1)
         nearest = -(ends[0] * chord).sum(axis=1) / np.where(square > 0.0, square, 1.0)

@@ -1,4 +1,4 @@
-"""Minimum energy with requirements on the states of single craft, beside zones.
+"""Minimum energy by planes: at k sigma, or with requirements on the states of single craft.
 
 As with impulses, a round solves the program of planes a . x(t) >= b in the states of craft, and turns them.
 Thrust is continuous and equal to the primer p, a natural motion that jumps at a plane of multiplier m:
@@ -10,9 +10,13 @@ quadratic one of the multipliers.  It is solved exactly, and without planes of z
 bound on the energy of all paths that keep the requirements.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from math import inf, nan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,33 +29,63 @@ from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_search import outcome_of, starts
 from closeform.planning.delta_v.dual.fleet import Planes
 from closeform.planning.delta_v.firing_times import Moments
-from closeform.planning.delta_v.impulse_solver import ImpulseSolver, Program
+from closeform.planning.delta_v.impulse_solver import SHARED, ImpulseSolver, Program, beside
 from closeform.planning.energy.quadratic_program import solve_qp
+from closeform.planning.energy.side_search import MARGINS
+from closeform.planning.loop import Rounds, run
 from closeform.planning.minimum_energy import Outcome, solve
-from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
-STARTS, MORE = 6, 4  # starts examined, and their factor where none of these is clear
+ONE, MANY, MORE = 8, 4, 3  # starts for one craft and for many; factor where none of these is clear
+ROUNDS, SETTLED, NEARLY = 60, 1e-9, 1.0 - 1e-6  # of the loop: at most, and where they end or planes move out
+TOUCHED = 1.02  # of zone and sigmas: closer pairs get a plane
+ALIKE = 1e-4  # of a pair's window: closer contacts are merged
+GIVEN_UP, FIRST = 1.3, 6  # times the energy to beat, after FIRST rounds
 CROWDED = 250  # planes: more are incompatible
 LEFT = 1e-7  # of a shortfall and a metre: planes that the solution misses by more are incompatible
 
 
-def solve_restricted(problem: Problem, budget: int | None, more: bool) -> tuple[Outcome, float]:
-    """Return the best paths found that keep all requirements, and a lower bound on their energy [m^2/s^3]."""
+def least_energy(
+    problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True
+) -> Outcome:
+    """Return the best paths of minimum energy, from the search that the requirements need.
+
+    See `minimum_energy.solve` for the arguments.
+    """
+    if problem.drift is not None or not (problem.sigmas or problem.requirements):
+        return solve(problem, budget, more, waiting)
     solver = EnergySolver(problem)
     free, best, tried = solver.unconstrained(), None, 0
     solver.closest.note(free.checked.worst, free.trajectories, free.checked.outside)
-    for start in islice(
-        starts(solver, free, lambda: solve(problem)), budget or STARTS * (MORE if more else 1)
-    ):
+    most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
+    for start in islice(chain(sides(problem), starts(solver, free, lambda: solve(problem))), most):
         found = solver.solve(start, inf if best is None else best.cost)
         best = found if best is None or (found is not None and found.cost < best.cost) else best
         tried += 1
-    bound = solver.requirement_bound(best or free)
+    least = solver.requirement_bound() if problem.requirements else 0.0
     if best is None:
-        return Outcome(None, (), nan, 1.0, False, tried, closest=solver.closest), bound
+        return Outcome(None, (), nan, MARGINS[0], False, tried, closest=solver.closest, least=least)
     clear = outcome_of(solver, best, tried)
-    return replace(clear, extra=best.cost - solver.least_energy, delta_v=nan), min(bound, best.cost)
+    return replace(clear, extra=best.cost - solver.least_energy, delta_v=nan, least=min(least, best.cost))
+
+
+def sides(problem: Problem) -> Iterator[Contacts]:
+    """Yield starts for zones with sigmas."""
+    if problem.sigmas:
+        from closeform.planning.sigmas.sigma_problem import SigmaProblem
+        from closeform.planning.sigmas.sigma_sides import sides_of_enlarged
+
+        assert isinstance(problem, SigmaProblem)
+        yield from sides_of_enlarged(problem, MARGINS[0])
+
+
+class Solved(NamedTuple):
+    """Solution of planes: contacts with multipliers, the energy beyond the least, and the paths."""
+
+    contacts: Contacts
+    extra: float
+    trajectories: Callable[[], Trajectories]
 
 
 class EnergySolver(ImpulseSolver):
@@ -59,7 +93,18 @@ class EnergySolver(ImpulseSolver):
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem, (None,) * problem.count, ("",) * problem.count)
-        self.least_energy = problem.energy(problem.direct)
+        self.least_energy, self.least = problem.energy(problem.direct), MARGINS[0]
+
+    def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
+        """Return the cheapest clear paths found from a start; None without any well below `bar`."""
+        settled = SHARED if self.problem.requirements else SETTLED
+        method: Rounds[Spent, Program] = Rounds(
+            *(self, lambda turn: GIVEN_UP * bar if turn >= FIRST else inf, ROUNDS, stride),
+            settled=settled,
+            nearly=NEARLY,
+        )
+        found: Spent | None = run(method, Program(contacts, []))
+        return found
 
     def unconstrained(self) -> Spent:
         """Return the paths of minimum energy without zones and requirements."""
@@ -69,22 +114,59 @@ class EnergySolver(ImpulseSolver):
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the paths of minimum energy that satisfy a program's planes; None above `bar` or without."""
-        contacts, number = program.contacts, program.contacts.number
-        planes = self.planes(contacts, aim)
+        solved = (self.by_states if self.problem.requirements else self.by_contacts)(program.contacts, aim)
+        if solved is None or self.least_energy + solved.extra > bar:
+            return None
+        trajectories = solved.trajectories()
+        checked = self.checked(trajectories, solved.contacts)
+        self.requirements.relinearise(checked.outside)
+        self.closest.note(checked.worst, trajectories, checked.outside)
+        none, energy = np.empty((self.problem.count, 0, 3)), self.least_energy + solved.extra
+        return Spent(trajectories, energy, energy, checked, solved.contacts, aim, [], none, [])
+
+    def by_contacts(self, contacts: Contacts, aim: float) -> Solved | None:
+        """Return the solution for planes of contacts, by the kernel of the problem; None without any."""
+        (motions, kernel), normals = self.problem.unconstrained(contacts), contacts.normals
+        kernel = kernel.reshape(contacts.number, 3, contacts.number, 3)
+        gram = np.einsum("ki,kimj,mj->km", normals, kernel, normals)
+        multipliers, extra = quadratic_minimum(gram, aim - (normals * motions[:, 0]).sum(axis=1))
+        pushed = contacts._replace(multipliers=multipliers)
+        return Solved(pushed, extra, lambda: self.problem.trajectories(pushed)) if extra < inf else None
+
+    def by_states(self, contacts: Contacts, aim: float) -> Solved | None:
+        """Return the solution for planes of contacts and of requirements; None without any."""
+        planes, number = self.planes(contacts, aim), contacts.number
         if len(planes.times) > CROWDED:
             return None
         multipliers, begun, extra = self.multipliers(planes)
-        if not self.least_energy + extra <= bar or extra == inf:
+        if extra == inf:
             return None
-        contacts = contacts._replace(multipliers=multipliers[:number])
         self.requirements.keep(multipliers[number:])
-        paths = (self.thrusting(i, planes, multipliers, begin) for i, begin in enumerate(begun))
-        trajectories = self.problem.with_path(*paths)
-        checked = self.checked(trajectories, contacts)
-        self.requirements.relinearise(checked.outside)
-        self.closest.note(checked.worst, trajectories, checked.outside)
-        none, energy = np.empty((self.problem.count, 0, 3)), self.least_energy + extra
-        return Spent(trajectories, energy, energy, checked, contacts, aim, [], none, [])
+
+        def trajectories() -> Trajectories:
+            paths = (self.thrusting(i, planes, multipliers, begin) for i, begin in enumerate(begun))
+            return self.problem.with_path(*paths)
+
+        return Solved(contacts._replace(multipliers=multipliers[:number]), extra, trajectories)
+
+    def turned(self, found: Spent, *nearer: float) -> Contacts:
+        """Return active contacts at the closest approaches next to them, and those of other approaches.
+
+        A contact that is farther from an approach also keeps its own time, which damps the rounds.
+        """
+        problem, fresh = self.problem, []
+        pressing = found.contacts.some(found.contacts.multipliers > 0.0)
+        times, (start, end) = pressing.times.copy(), problem.windows[0].T
+        for pair, row in problem.conflicts(found.trajectories, TOUCHED):
+            k = problem.index[pair]
+            time = min(max(row[2], start[k]), end[k])
+            same = (pressing.which == k) & (np.abs(times - time) <= ALIKE * (end[k] - start[k]))
+            times[same] = time
+            if not same.any():
+                fresh.append((pair, np.array([*row[:2], time, row[3]])))
+        planes = pressing._replace(times=times).joined(problem.met(fresh))
+        _, once = np.unique(np.column_stack([planes.which, planes.times]), axis=0, return_index=True)
+        return beside(problem, found.trajectories, planes.some(np.sort(once)))
 
     def following(self, found: Spent) -> list[Moments]:
         """Return no firing times: thrust is continuous."""
@@ -98,7 +180,7 @@ class EnergySolver(ImpulseSolver):
         """Return a mask without impulses (N, 0)."""
         return np.empty((self.problem.count, 0), dtype=bool)
 
-    def requirement_bound(self, best: Spent) -> float:
+    def requirement_bound(self, best: Spent | None = None) -> float:
         """Return a lower bound on the energy of all paths that keep the requirements."""
         self.requirements.inward = 0.0
         extra = self.multipliers(self.requirements.placed())[2]
