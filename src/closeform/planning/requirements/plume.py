@@ -12,7 +12,7 @@ from closeform.arrays import Floats, instance, number
 from closeform.motion.arc import IMPULSE
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.planning.requirements.requirement import Requirement, bounds
+from closeform.planning.requirements.requirement import Requirement
 from closeform.planning.requirements.thrust_directions import ThrustRequirement, checked_half_angle
 
 
@@ -72,7 +72,7 @@ class Plume(ThrustRequirement):
         starts, ends = np.reshape(others.start, (-1, 1)), np.reshape(others.end, (-1, 1))
         states = others._evaluate_rows(np.clip(times, starts, ends))
         jumps = np.add.reduceat(np.linalg.norm(others.arcs[:, IMPULSE : IMPULSE + 3], axis=1), first)
-        bend = np.maximum.reduceat(bounds(others, others.arcs)[0], first)
+        bend = np.maximum.reduceat(others.orbit._bends(others.arcs)[0], first)
         pace = speeds + np.linalg.norm(states[..., 3:], axis=-1) + (jumps[:, None] + bend[:, None] * about)
         away, moved = places - states[..., :3], pace * about
         distances = np.maximum(np.linalg.norm(away, axis=-1), np.finfo(float).tiny)

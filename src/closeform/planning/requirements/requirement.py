@@ -234,7 +234,7 @@ class StateRequirement(Requirement):
     def _off_chord(self, path: Path, arcs: Floats, spans: Floats) -> Floats:
         """Return bounds (A,) by which the margin falls below that of chords between samples of arcs."""
         h = (spans[:, 1] - spans[:, 0]) / SAMPLES
-        bend, jerk = bounds(path, arcs)
+        bend, jerk = path.orbit._bends(arcs)
         return (self.per_metre * bend + self.per_speed * jerk) * h * h / 8.0
 
     def _spans(self, path: Path) -> tuple[Floats, Floats]:

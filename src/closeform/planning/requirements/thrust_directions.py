@@ -92,7 +92,7 @@ class ThrustRequirement(Requirement):
         """Return angles (F,) [deg] of thrust outside of all cones, in the middle `share` of each period."""
         middle, about = spans.mean(axis=1), 0.5 * share * np.ptp(spans, axis=1)
         states = on_arcs(path, arcs, middle[:, None])[:, 0]
-        speeds = np.linalg.norm(states[:, 3:], axis=1) + bounds(path, arcs)[0] * about
+        speeds = np.linalg.norm(states[:, 3:], axis=1) + path.orbit._bends(arcs)[0] * about
         along = np.where(impulses[:, None], arcs[:, IMPULSE : IMPULSE + 3], path.thrust(middle))
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
         turned = np.where(arcs[:, PUSH + 3 :].any(axis=1), path.orbit._rate * about, 0.0)
