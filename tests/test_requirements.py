@@ -428,7 +428,7 @@ def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('cost = "delta-v"', "", 'corridor needs cost = "delta-v"'),
+        ('cost = "delta-v"', "", 'no_thrust needs cost = "delta-v"'),
         ("axis = [0, -1, 0]", "axis = [0, 0, 0]", "axis has no direction"),
         ('"10 deg"', '"95 deg"', r"half_angle: .* must be below 90 deg"),
         ('until = "15 min"', 'until = "5 min"', "until must be later than after"),

@@ -364,6 +364,8 @@ def hill_only_errors(scenario: Scenario) -> Iterator[str]:
             and any(one.thrusters is not None for one in scenario.craft_in(stage))
         ):
             yield f'{place}.cost: "delta-v" with thrusters {only}; give acceleration, or cost = "energy"'
+        if isinstance(stage, Avoid) and stage.cost == "energy" and stage.path_requirements:
+            yield f'{place}.{stage.path_requirements[0]}: at minimum energy {only}; add cost = "delta-v"'
         if isinstance(stage, Avoid) and not stage.is_exact:
             yield f'{place}.method: "{stage.method}" {only}; remove it'
         if isinstance(stage, Drifting) and (stage.for_ever or stage.what_fails != ThrustLost()):

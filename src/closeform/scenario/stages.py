@@ -307,8 +307,16 @@ class Avoid(Clearing):
         yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
             yield f'method = "{self.method}" cannot be combined with cost = "{self.cost}"; remove one of them'
-        if self.cost != "delta-v" and self.path_requirements:
-            yield f'{self.path_requirements[0]} needs cost = "delta-v"; add it'
+        if self.cost == "energy" and self.path_requirements:
+            # at minimum energy a craft thrusts all the time, and only its states can be restricted
+            on_states = "corridor", "speed_limit", "waypoints"
+            needing = [key for key in self.path_requirements if key not in on_states]
+            also = {"drift": self.plans_drift, "prove": self.prove is not None, "method": not self.is_exact}
+            if needing:
+                yield f'{needing[0]} needs cost = "delta-v"; add it'
+            first = self.path_requirements[0]
+            for key in (key for key, given in also.items() if given):
+                yield f'{key} with {first} needs cost = "delta-v"; add it, or remove {key}'
         names = self.moving(())
         for name in names:
             if names.count(name) > 1:
