@@ -20,7 +20,8 @@ from closeform.motion.arc import (
     state_at,
     thrusts,
 )
-from closeform.motion.chief.bernstein import DEEPEST, SQUARE, TERMS, from_powers, highest
+from closeform.motion.chief.bernstein import SQUARE, TERMS, from_powers
+from closeform.motion.chief.segments import DEEPEST, highest
 from closeform.motion.extrema import advance
 from closeform.motion.hill import costate, driven
 from closeform.motion.quadrature import integral

@@ -319,7 +319,7 @@ def search_tail(one, two, top, far, n, form, scale, shadow, floor, certain, room
     return best, when, certain
 
 
-@kernel()
+@kernel(inline=True)
 def continue_pair(one, two, end, n, form, scale, certain, most, shadow, floor, far, room, result):
     """Update the columns of the current pair, as `continue_failures`."""
     when, ratio, known = result[TIME], min(result[RATIO], most), result[ACCURACY]

@@ -4,7 +4,8 @@ from math import inf, sqrt
 
 from closeform._jit import kernel
 from closeform.conflicts.chief.sign_changes import DEPTH, MOST_CUTS, NARROWEST, flat_square
-from closeform.motion.chief.bernstein import SQUARE, TERMS, changes, cut, squared, value_at
+from closeform.motion.chief.bernstein import SQUARE, TERMS, changes, cut, value_at
+from closeform.motion.chief.segments import squared
 from closeform.zones.shapes import BALL, CYLINDER, FACES, norm
 
 DEEP = 3 * DEPTH  # rows of their coordinates

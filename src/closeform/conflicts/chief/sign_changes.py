@@ -22,8 +22,9 @@ in the linear model is inside between the conflicts found.
 from math import inf, sqrt
 
 from closeform._jit import kernel
-from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, changes, cut, squared, value_at
+from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, changes, cut, value_at
 from closeform.motion.chief.positions import ROUNDING
+from closeform.motion.chief.segments import squared
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 
 LEVEL = 1e-13  # within it a squared norm is on the surface: the rounding of positions of a zone's size

@@ -17,10 +17,10 @@ from numba import float64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.motion.chief.bernstein import DEGREE, SQUARE, TERMS, changes, cut, squared, value_at, weights
+from closeform.motion.chief.bernstein import DEGREE, SQUARE, TERMS, changes, cut, value_at, weights
 from closeform.motion.chief.segments import FIRST as FIRST_ANGLE
 from closeform.motion.chief.segments import LAST as LAST_ANGLE
-from closeform.motion.chief.segments import ORIGIN, TABLE, WINDOW, share
+from closeform.motion.chief.segments import ORIGIN, TABLE, WINDOW, share, squared
 from closeform.motion.linear import factorise
 from closeform.motion.minimum_delta_v.barrier import WIDTH, overlap
 from closeform.motion.minimum_delta_v.nonnegative import MOST

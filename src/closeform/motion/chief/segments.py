@@ -16,15 +16,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.arc import PUSH as ARC_PUSH
 from closeform.motion.arc import STATE as ARC_STATE
 from closeform.motion.arc import THRUST as ARC_THRUST
-from closeform.motion.chief.bernstein import (
-    DEEPEST,
-    SQUARE,
-    TERMS,
-    highest,
-    keep_piece,
-    value_at,
-    weights,
-)
+from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, cut, keep_piece, value_at, weights
 from closeform.motion.chief.clock import RATE, angle_at, pace, time_at
 from closeform.motion.chief.table import COLUMNS, COSTATE, PUSH
 from closeform.motion.linear import solve
@@ -342,6 +334,44 @@ def thrusts_at_all(row):
         if row[COLUMN + j] != 0.0:
             return True
     return False
+
+
+DEEPEST = 40  # pieces in work of a polynomial that is almost constant near its maximum
+
+
+@kernel()
+def squared(c, f):
+    """Fill `f` (SQUARE,) with the coefficients of |c|^2."""
+    for j in range(SQUARE):
+        f[j] = 0.0
+    for i in range(TERMS):
+        x, y, z = c[0, i], c[1, i], c[2, i]
+        f[2 * i] += PRODUCT[i, i] * (x * x + y * y + z * z)
+        x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
+        for j in range(i + 1, TERMS):
+            f[i + j] += PRODUCT[i, j] * (x * c[0, j] + y * c[1, j] + z * c[2, j])
+
+
+@kernel()
+def highest(c, stack, least):
+    """Return the largest norm over [0, 1] of polynomials `c` (3, TERMS), if above `least`, else that.
+
+    It is accurate to a relative 1e-12. `stack` (DEEPEST, SQUARE) is room for pieces of the square.
+    """
+    squared(c, stack[0])
+    best, depth = max(least * least, stack[0, 0], stack[0, SQUARE - 1]), 0
+    while depth >= 0:
+        piece = stack[depth]
+        most = 0.0
+        for j in range(SQUARE):
+            most = max(most, piece[j])
+        if most <= best * (1.0 + 1e-12) or depth + 1 == DEEPEST:
+            depth -= 1
+            continue
+        cut(piece, SQUARE, 0.5, stack[depth + 1])
+        best = max(best, piece[0])
+        depth += 1
+    return sqrt(best)
 
 
 @kernel()

@@ -8,10 +8,10 @@ from numba import float64
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
-from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, keep_piece, squared
+from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, keep_piece
 from closeform.motion.chief.clock import angle_at, time_at
 from closeform.motion.chief.impulses import DEPTH, note, primer_in, window_maxima
-from closeform.motion.chief.segments import window_at
+from closeform.motion.chief.segments import squared, window_at
 from closeform.motion.hill import coast
 from closeform.motion.minimum_delta_v.primer import peaks
 from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, cut_of, fill_effects, is_free
