@@ -202,6 +202,16 @@ def test_simulations_change_thrusters_with_the_stage(tmp_path):
     assert run.flights.flight.delta_v[0] == pytest.approx(run.delta_v.sum(axis=0), rel=0.1)
 
 
+def test_simulations_change_from_free_thrust_to_thrusters():
+    again = swap()[swap().index("[[stage]]") :].replace('"swap"', '"back"').replace("50 mN", "20 mN")
+    text = swap(craft='mass = "12 kg"', more=f'max_thrust = "40 mN"\n\n{again}{ENGINE}\n')
+    seen = '\n[simulation]\n\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
+    run = plan_mission(parse(f"{text}{seen}"))
+    assert (run.flights.flight.pulses[0].start > run.executed[1].start).all()
+    assert run.flights.flight.greatest_end < 2.0  # m
+    assert run.flights.flight.delta_v[0] == pytest.approx(run.delta_v.sum(axis=0), rel=0.1)
+
+
 def test_sweep_of_a_stage_key(tmp_path, capsys):
     """Each point of the sweep equals a file with that limit."""
     text = FORMATION.replace("VERB", VERBS["avoid"]).replace("CRAFT", "").replace("STAGE", LIMIT)
