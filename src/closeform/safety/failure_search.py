@@ -80,7 +80,7 @@ def fill_cells(one, two, begin, n, cells):
     return ones * twos
 
 
-@kernel(inline=True)
+@kernel()
 def descend_from(one, two, when, end, n, form, room, best):
     """Follow the failure `room.point[1]`, met at `when`, downhill; return the minimum norm and its time."""
     if parameter_count(one) + parameter_count(two) > 1:
