@@ -4,7 +4,7 @@
 # that is explained: EVA does not see that the comparisons around a conversion to an integer exclude nan.
 # IEEE infinities and nan are allowed: a bound may overflow, and a step is then the rest of the view.
 # Usage: eva.sh [ENTRY...]; an entry that ends with + has paths beside a table.  LIMIT is in seconds.
-# By name only: AVOID, whose counts EVA cannot bound, and IMPULSES and CIRCLE, for which it did not end in ten minutes.
+# By name only: AVOID, whose counts EVA cannot bound, CIRCLE, which did not end in five minutes, and IMPULSES, not yet run.
 cd "$(dirname "$0")"
 entries=${*:-MOTION MOTION+ CONFLICTS CONFLICTS+ APPROACH APPROACH+ LOSS+ WINDOW+ SEARCH JOINS}
 explained="cff_hill.c:[0-9]*: Warning: *non-finite double value"

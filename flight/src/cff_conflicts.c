@@ -1,5 +1,5 @@
 /*
- * Conflicts and closest approaches of two paths (closeform/conflicts/beside_chief.py).
+ * Conflicts and closest approaches of two paths (closeform/conflicts/chief/sign_changes.py).
  *
  * A view is searched piece by piece.  A piece is outside if hulls show it, and decided if the coefficients of
  * each part of the zone change signs at most once: then a part begins or ceases to hold at one root

@@ -1,5 +1,5 @@
 /*
- * Certified minimum norm along one view (closeform/conflicts/beside_chief.py).
+ * Certified minimum norm along one view (closeform/conflicts/chief/minimum_norm.py).
  *
  * A piece is done where its lower bound is no lower than the best norm found.  It is also done where each
  * part of the zone that can be the largest is a valley: the coefficients of its slope change signs at most

@@ -1,5 +1,5 @@
 /*
- * Zones as sets of parts (closeform/zones/shapes.py, conflicts/beside_chief.py).
+ * Zones as sets of parts (closeform/zones/shapes.py, conflicts/chief/sign_changes.py).
  *
  * A part is round, |q|^2 <= 1 over three axes or two, or flat, +-q_i <= 1.  A spacecraft is inside while
  * every part holds.  The level of a part is 1 plus the error of the polynomials, so that no motion is inside
