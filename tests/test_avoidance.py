@@ -377,7 +377,7 @@ def test_enclosed_spacecraft_finds_no_path():
     assert found.status == Status.NOT_FOUND
     assert found.path is None
     assert found.blocked is not None
-    assert f"obstacle {found.blocked[1] - 1}" in found.reason
+    assert f"obstacle {found.blocked[1]} of 6" in found.reason
     assert str(found.tried) in found.reason
     assert not found.proven
 

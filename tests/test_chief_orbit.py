@@ -222,7 +222,6 @@ def test_what_is_not_supported_is_refused_in_words():
         lambda: orbit.burn(START, END[:3], 1000.0, frame="inertial"),
         lambda: orbit.transfer(START, END, 1e-3),
         lambda: orbit.mean_motion,
-        lambda: cf.avoid(one, other, zone, cost="delta-v", thrusters=cf.Thrusters.rtn()),
         lambda: cf.passively_safe(one, other, zone, 5000.0, cf.MissedBurns()),
         lambda: cf.passively_safe(one, other, zone, 5000.0, failing="both"),
         lambda: cf.passively_safe(one, other, zone, np.inf),

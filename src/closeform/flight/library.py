@@ -46,9 +46,23 @@ def compiler() -> list[str] | None:
 
 
 def build() -> Path:
-    """Compile the flight core, unless that has been done already, and return the library in the user's cache.
+    """Compile the flight core, unless that has been done already.
 
     The other functions of this package do so at their first call, which takes a second or two.
+
+    Returns
+    -------
+    path-like
+        The shared library, in the user's cache.
+
+    Raises
+    ------
+    RuntimeError
+        If there is no C compiler, or if it fails.
+
+    References
+    ----------
+    docs/on_board.md.
     """
     folder = source_folder()
     sources = sorted(folder.glob("src/*.c"))

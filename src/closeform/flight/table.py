@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from closeform.arrays import instance
 from closeform.flight.library import check, core, pointing
 from closeform.motion.chief.table import COSTATE
+from closeform.motion.chief_orbit import ChiefOrbit
 
 
 def arrays_of(chief: Any) -> tuple[list[Any], list[Any]]:
@@ -52,11 +54,28 @@ def chief_of(orbit: Any, span: float = 0.0) -> Any:
     return pointing(table, block)
 
 
-def table_bytes(orbit: Any) -> bytes:
-    """Return the table of an eccentric or J2-perturbed orbit for upload: little-endian doubles.
+def table_bytes(orbit: ChiefOrbit) -> bytes:
+    """Return the table of an eccentric or J2-perturbed orbit, for upload.
 
-    Rate, eccentricity, phase, turn and the number of windows come first, then the arrays of `cff_table_t` in
-    order; docs/on_board.md.
+    Parameters
+    ----------
+    orbit : ChiefOrbit
+        Orbit that is not circular.
+
+    Returns
+    -------
+    bytes
+        Little-endian doubles: rate, eccentricity, phase, turn and the number of windows, then the arrays of
+        `cff_table_t` in order.
+
+    Raises
+    ------
+    ValueError
+        If the orbit is circular or deep space, which need no table.
+
+    References
+    ----------
+    docs/on_board.md, upload.
     """
-    numbers, arrays = arrays_of(orbit.chief)
+    numbers, arrays = arrays_of(instance("orbit", orbit, ChiefOrbit).chief)
     return b"".join(np.asarray(part, dtype="<f8").tobytes() for part in (numbers, *arrays))
