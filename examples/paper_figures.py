@@ -46,8 +46,9 @@ from closeform.plots.drawing.space import (
     solid,
     to_sun,
 )
-from closeform.plots.drawing.style import DASHED, DOTTED, dress, headline, length_unit, plural, sheet, speed
+from closeform.plots.drawing.style import DASHED, DOTTED, dress, headline, sheet
 from closeform.plots.drawing.text import SMALL, TEXT, short_names, word
+from closeform.plots.drawing.units import length_unit, plural, speed
 from closeform.search.leg import SUN
 from closeform.search.lock_statistics import phase_index, phase_labels
 

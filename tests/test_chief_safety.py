@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 
 import closeform as cf
 from closeform.motion.chief.bernstein import basis_at
-from closeform.motion.chief.kepler import KeplerChief
+from closeform.motion.chief.yamanaka_ankersen import KeplerChief
 
 UNITS = np.array([200.0, 200.0, 200.0, 0.2, 0.2, 0.2])
 KINDS = ("transfer", "two_impulse", "impulsive")

@@ -5,7 +5,7 @@ import pytest
 
 from chiefs import transition_mp
 from closeform.motion.chief.bernstein import basis_at, bernstein_of, chebyshev_at, integral_to, nodes
-from closeform.motion.chief.kepler import FEWEST, KeplerChief
+from closeform.motion.chief.yamanaka_ankersen import FEWEST, KeplerChief
 
 ECCENTRICITIES = [0.0, 1e-3, 0.01, 0.1, 0.3, 0.6, 0.8, 0.9]
 

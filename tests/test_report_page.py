@@ -17,7 +17,7 @@ from closeform.exchange.ccsds.oem import read_oem
 from closeform.mission.mission import plan_mission
 from closeform.report import run
 from closeform.report.run import RunReport
-from closeform.report.sections import effort, model
+from closeform.report.sections import effort, model_limits
 from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
 from orbit_files import oem
@@ -189,8 +189,8 @@ def test_model_error_on_a_circular_orbit(far):
     start = cf.elements.relative_from_inertial(*pair)
     truth = cf.elements.relative_from_inertial(*orbits(pair, orbit.period))
     off = np.linalg.norm(orbit.coast(start, orbit.period).position(orbit.period) - truth[:3])
-    reach = model.Reach("B", far, 0.0, 20.0)
-    (bend, *_) = model.deviations(reach, model.Circle(orbit.mean_motion))
+    reach = model_limits.Reach("B", far, 0.0, 20.0)
+    (bend, *_) = model_limits.deviations(reach, model_limits.Circle(orbit.mean_motion))
     assert bend[2] == pytest.approx(off, rel=0.01)
     limit = float(bend[3].split()[0])  # at which it is a tenth of the zone, which is 20 m
     assert bend[2] * (limit / far) ** 2 == pytest.approx(2.0, rel=0.01)
@@ -215,8 +215,9 @@ def test_model_error_on_an_eccentric_orbit(eccentricity):
             path.position(orbit.period) - start[:3]
         )  # one period: in truth back at the start
         worst = max(worst, off / distance)
-    rows = model.deviations(
-        model.Reach("B", far, 0.0, 20.0), model.Circle(orbit.mean_motion, eccentricity=eccentricity)
+    rows = model_limits.deviations(
+        model_limits.Reach("B", far, 0.0, 20.0),
+        model_limits.Circle(orbit.mean_motion, eccentricity=eccentricity),
     )
     told = next(row for row in rows if "e =" in row[0])
     assert 0.25 * told[2] < worst * far < 1.05 * told[2]
@@ -226,7 +227,7 @@ def test_model_error_is_that_of_the_farthest_spacecraft():
     """Of two flights one after another, against dense samples."""
     mission = plan_mission(parse(LIMITED))
     flights = [result.after for result in mission.results]
-    reach = model.Reach.of(flights)
+    reach = model_limits.Reach.of(flights)
     far = max(
         float(
             np.linalg.norm(flight.paths.position(np.linspace(result.start, result.end, 5001)), axis=-1).max()

@@ -15,10 +15,10 @@ from closeform.motion.chief import segments as kernels
 from closeform.motion.chief.bernstein import DEGREE, TERMS, basis_at
 from closeform.motion.chief.clock import angles_at, pace_at, times_at
 from closeform.motion.chief.impulses import primer_rows, solve
-from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
+from closeform.motion.chief.yamanaka_ankersen import KeplerChief
 from closeform.motion.construction.ends import arcs_between
 from closeform.motion.construction.sampling import nodes_of
 from closeform.motion.duration import MOST_TURNS

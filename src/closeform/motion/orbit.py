@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, finite, instance, number, positive, shown, size
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief.ellipse import ellipse_of
-from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
+from closeform.motion.chief.yamanaka_ankersen import KeplerChief
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.construction.ends import arcs_between
 from closeform.motion.construction.sampling import arcs_through, fired_at_ends

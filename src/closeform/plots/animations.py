@@ -17,8 +17,9 @@ from closeform.plots.drawing.inputs import File, Zones, crafts, picture
 from closeform.plots.drawing.moving import NARROW, PLAY, WIDE, name_moving, write_gif
 from closeform.plots.drawing.pairs import Pairs, places_at, ratio_text
 from closeform.plots.drawing.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
-from closeform.plots.drawing.style import clock, dress, headline, instants, sheet, wrapped
+from closeform.plots.drawing.style import dress, headline, sheet, wrapped
 from closeform.plots.drawing.text import SMALL, short_names
+from closeform.plots.drawing.units import clock, instants
 from closeform.plots.paths import NAMED, carries
 from closeform.zones.outlines import drawn, shadow
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance, number, sequence, shown, whole
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.path import Path
-from closeform.plots.drawing import style
+from closeform.plots.drawing import style, units
 from closeform.plots.drawing.charts import Curve, Panel, series, styled, timeline
 from closeform.plots.drawing.inputs import Zones, crafts, one_craft, picture, texts
 from closeform.plots.drawing.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
@@ -57,15 +57,15 @@ def ratios(
         raise ValueError("obstacles: give at least one path")
     called = short_names(names, len(others), "obstacles") if names is not None else []
     start, end = min(before.start, after.start), max(before.end, after.end)
-    ticks, curves, least = style.clock(before, start, end), list[Curve](), list[float]()
+    ticks, curves, least = units.clock(before, start, end), list[Curve](), list[float]()
     looks: list[tuple[Path, str, Any]] = [(after, AFTER, "-")]
     if before is not after:
         looks.insert(0, (before, BEFORE, style.DASHED))
     for path, colour, dashes in looks:
-        times = style.instants(path.start, path.end, path, *others)
+        times = units.instants(path.start, path.end, path, *others)
         each = np.full((len(others), len(times)), np.nan)
         for row, other in zip(each, others, strict=True):
-            first, last = style.common_time(path, other)
+            first, last = units.common_time(path, other)
             both = (times >= first) & (times <= last)
             row[both] = zone.norm(path.position(times[both]) - other.position(times[both]))
         near = [closest_approach(path, other, zone) for other in others]
@@ -109,7 +109,7 @@ def closest_pairs(
     end = max((float(times[-1]) for times, _ in sampled), default=0.0)
     if not start < end:
         raise ValueError("paths: no two craft that have a zone share a time")
-    ticks, curves = style.clock(pairs.paths, start, end), list[Curve]()
+    ticks, curves = units.clock(pairs.paths, start, end), list[Curve]()
     for row, (k, (times, values)) in enumerate(zip(chosen, sampled, strict=True)):
         one, other = (called[craft] for craft in pairs.craft[k])
         when, ratio = float(pairs.time[k]), float(pairs.ratio[k])
@@ -130,7 +130,7 @@ def along(pairs: Pairs, k: int) -> tuple[Floats, Floats]:
     one, other = (pairs.paths[craft] for craft in pairs.craft[k].tolist())
     start, end = max(one.start, other.start), min(one.end, other.end)
     edges = [time for stay in pairs.stays[k] for time in (stay.start, stay.end)]
-    times = np.union1d(style.instants(start, end, one, other), [pairs.time[k], *edges])
+    times = np.union1d(units.instants(start, end, one, other), [pairs.time[k], *edges])
     return times, pairs.zone[k].norm(one.position(times) - other.position(times))
 
 
@@ -146,8 +146,8 @@ class Deviations:
     @classmethod
     def of(cls, path: Path, other: Path, errors: Any, other_errors: Any) -> Deviations:
         """Sample two paths; raise ValueError if they share no time or an argument has the wrong type."""
-        start, end = style.common_time(path, other)
-        times = style.instants(start, end, path, other)
+        start, end = units.common_time(path, other)
+        times = units.instants(start, end, path, other)
         covariances = np.zeros((len(times), 6, 6))
         for name, one, craft in (("errors", errors, path), ("other_errors", other_errors, other)):
             if one is not None:
@@ -210,7 +210,7 @@ def sigmas(
     pairs = list(zip(firsts, seconds, zones, own, theirs, strict=True))
     start = min(max(one.start, two.start) for one, two, *_ in pairs)
     end = max(min(one.end, two.end) for one, two, *_ in pairs)
-    ticks, curves, least = style.clock(firsts[0], start, end), list[Curve](), list[tuple[float, str]]()
+    ticks, curves, least = units.clock(firsts[0], start, end), list[Curve](), list[tuple[float, str]]()
     for k, (one, two, around, own_errors, their_errors) in enumerate(pairs):
         found = Deviations.of(one, two, own_errors, their_errors)
         near = clearance_in_sigmas(one, two, around, own_errors, their_errors)
@@ -254,7 +254,7 @@ class Failed:
         """Evaluate failures over the path; raise ValueError under the same conditions as `drift_approach`."""
         worst = drift_approach(path, other, zone, until)
         first, last = max(path.start, other.start), path.end
-        joints = style.instants(first, last, path)
+        joints = units.instants(first, last, path)
         joints = joints[
             np.isin(joints, path.arcs[:, 0]) | np.isin(np.nextafter(joints, np.inf), path.arcs[:, 0])
         ]
@@ -268,7 +268,7 @@ class Failed:
             near = drift_approach(path.orbit.coast(states, 1.0, times), other, zone, until)
         return cls(path, other, zone, until, times, near.ratio, near.time, worst)
 
-    def story(self, ticks: style.Clock) -> str:
+    def story(self, ticks: units.Clock) -> str:
         """Return the worst failure as text."""
         lost = f"{precise(self.worst.ratio)} × zone if thrust is lost at {ticks.text(self.worst.failed_at)}"
         if not np.isfinite(self.worst.time):
@@ -333,7 +333,7 @@ def drift_ratios(
     found = [Failed.of(*pair, until) for pair in zip(fail, fly, zones, strict=True)]
     direct = None if before is None else Failed.of(*pair_given("before", before), until)
     start, end = min(one.times[0] for one in found), max(one.times[-1] for one in found)
-    ticks, curves = style.clock(fail[0], float(start), float(end)), list[Curve]()
+    ticks, curves = units.clock(fail[0], float(start), float(end)), list[Curve]()
     for k, (one, name) in enumerate(zip(found, called, strict=True)):
         words = (f"{name}: " if name else "") + one.story(ticks)
         dot = one.worst.failed_at, one.worst.ratio
@@ -365,7 +365,7 @@ def precise(ratio: float) -> str:
 
 def duration(seconds: float) -> str:
     """Return a duration [s] as text."""
-    unit = style.plain_unit(seconds) if not 7200.0 <= seconds <= 4e5 else style.Unit(3600.0, "h")
+    unit = units.plain_unit(seconds) if not 7200.0 <= seconds <= 4e5 else units.Unit(3600.0, "h")
     return unit.text(seconds, 3)
 
 
@@ -395,10 +395,10 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     path, other : Path
         Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
     """
-    start, end = style.common_time(path, other)
+    start, end = units.common_time(path, other)
     one, two = short_names(names, 2)
-    conflicts, ticks = find_conflicts(path, other, zone), style.clock(path, start, end)
-    times = style.instants(start, end, path, other)
+    conflicts, ticks = find_conflicts(path, other, zone), units.clock(path, start, end)
+    times = units.instants(start, end, path, other)
     gaps = path.position(times) - other.position(times)
     rows = [(d.name, d.colour, slab_stays(path, other, zone, axis)) for axis, d in enumerate(DIRECTIONS)]
     aligned_box = zone.shape == CUBE and np.count_nonzero(zone.matrix) == 3
@@ -442,7 +442,7 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, ends: Floa
     """Draw the distance along one axis, with the band of the zone's extent."""
     direction = DIRECTIONS[axis]
     extent = float(ends[np.isfinite(ends)].max(initial=0.0))
-    unit = style.length_unit(max(float(np.abs(gap).max()), extent))
+    unit = units.length_unit(max(float(np.abs(gap).max()), extent))
     axes.plot(times, gap / unit.size, color=direction.colour, linewidth=2.2)
     scale = ""
     if np.abs(gap).max() > FAR * extent > 0.0:
@@ -464,7 +464,7 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, ends: Floa
 
 
 def conflict_story(
-    path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict], ticks: style.Clock
+    path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict], ticks: units.Clock
 ) -> str:
     """Return the headline: the conflicts, or the closest approach."""
     if not conflicts:

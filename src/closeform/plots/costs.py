@@ -21,7 +21,7 @@ from closeform.motion.path import Path, ends_of
 from closeform.planning.clearance_cost_curve import ClearanceCostCurve
 from closeform.planning.max_clearance import MaxClearance
 from closeform.planning.plan import Plan
-from closeform.plots.drawing import style
+from closeform.plots.drawing import style, units
 from closeform.plots.drawing.inputs import crafts, one_craft, picture
 from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
 from closeform.plots.drawing.text import NEAR, label, word
@@ -168,8 +168,8 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
     one = one_craft("path", planned_paths[craft] if several and planned_paths is not None else planned_paths)
     contacts = ContactTerms.of(path, craft, one)
     burns, impulses = len(burns_of(one).significant.size), len(one.impulses)
-    how = style.plural(burns, "burn") if burns > impulses else style.plural(impulses, "impulse")
-    times, when = style.instants(one.start, one.end, one), np.array([time for time, _ in one.impulses])
+    how = units.plural(burns, "burn") if burns > impulses else units.plural(impulses, "impulse")
+    times, when = units.instants(one.start, one.end, one), np.array([time for time, _ in one.impulses])
     pushes = np.array([push for _, push in one.impulses]).reshape(-1, 3)
     note = ""
     if one.impulses and (len(contacts) or thrusters is not None):
@@ -188,15 +188,15 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
         lengths = np.linalg.norm(curve.position(times - one.start), axis=-1)
         values = curve.position(when - one.start) if len(when) else np.empty((0, 3))
         sizes, spent = np.linalg.norm(pushes, axis=1), float(one.delta_v)
-        said = "the minimum" if least.proven else f"the minimum is at least {style.speed(bound)}"
+        said = "the minimum" if least.proven else f"the minimum is at least {units.speed(bound)}"
         if spent > float(least.upper) * (1.0 + 1e-6):
             above = 100.0 * (spent / bound - 1.0) if bound > 0.0 else np.inf
             share = f"{above:.3g} % above" if np.isfinite(above) else "above"
-            said = f"{f'within {EQUAL} % of' if above < EQUAL else share} the minimum, {style.speed(bound)}"
+            said = f"{f'within {EQUAL} % of' if above < EQUAL else share} the minimum, {units.speed(bound)}"
             note = "" if above < EQUAL else "primer of the end states without obstacles"
     heights = (values * pushes).sum(axis=1) / np.where(sizes > 0.0, sizes, 1.0)
     name = "primer magnitude" if thrusters is None else "primer along thrusters"
-    figure = primer_curve(one, lengths, f"{style.speed(spent)} with {how}: {said}", name)
+    figure = primer_curve(one, lengths, f"{units.speed(spent)} with {how}: {said}", name)
     mark_impulses(figure.axes[0], one, when, heights, sizes, contacts.times)
     word(figure.axes[0], (0.0, 0.0), note, shift=(6, 5), ha="left", va="bottom", xycoords="axes fraction")
     return figure
@@ -204,7 +204,7 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
 
 def primer_curve(path: Path, lengths: Floats | None, said: str, name: str = "primer magnitude") -> Figure:
     """Plot the magnitude of a primer against time, by default the length of the path's own positions."""
-    times, ticks = style.instants(path.start, path.end, path), style.clock(path, path.start, path.end)
+    times, ticks = units.instants(path.start, path.end, path), units.clock(path, path.start, path.end)
     lengths = np.linalg.norm(path.position(times), axis=-1) if lengths is None else lengths
     figure, (axes,) = style.chart(4.6)
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
@@ -220,7 +220,7 @@ def mark_impulses(
     axes: Axes, path: Path, when: Floats, heights: Floats, sizes: Floats, contacts: Floats
 ) -> None:
     """Draw finite burns, contacts with zones, and a labelled dot for each impulse."""
-    ticks, burns = style.clock(path, path.start, path.end), burns_of(path)
+    ticks, burns = units.clock(path, path.start, path.end), burns_of(path)
     for begin, lasts in zip(burns.start.tolist(), burns.duration.tolist(), strict=True):
         if lasts > 0.0:
             axes.axvspan(ticks(begin), ticks(begin + lasts), color=OTHER, alpha=0.35, linewidth=0, zorder=1)
@@ -243,7 +243,7 @@ def mark_impulses(
     large = large[np.argsort(-sizes[large], kind="stable")][:LABELLED]
     if len(large):
         points = np.column_stack([ticks(when), np.maximum(heights, 1.0)])[large]
-        label(axes, points, [style.speed(size) for size in sizes[large].tolist()])
+        label(axes, points, [units.speed(size) for size in sizes[large].tolist()])
 
 
 @picture("the table has no duration")
@@ -261,8 +261,8 @@ def trade(found: TransferCostTable, plan: Path | Sequence[Path] | None = None) -
     if not len(found.duration):
         raise ValueError("found: has no duration; give transfer_cost_table at least one")
     order = np.argsort(found.duration)
-    across = style.plain_unit(float(found.duration.max()))
-    up = style.speed_unit(float(found.delta_v[order[-1]]))
+    across = units.plain_unit(float(found.duration.max()))
+    up = units.speed_unit(float(found.delta_v[order[-1]]))
     durations, costs = found.duration[order] / across.size, found.delta_v[order] / up.size
     slots = found.slot[order]
 
@@ -311,7 +311,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     factors, costs = factors[order], costs[order]
     plans = [plans[k] for k in order]
     highest = max(float(np.nanmax(costs)), 0.0 if most is None else most.budget)
-    up = style.speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
+    up = units.speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
 
     figure, (axes,) = style.chart(5.2)
     axes.axvline(1.0, color=FAINT, linewidth=2.0)
@@ -345,10 +345,10 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     return figure
 
 
-def clearance_story(found: ClearanceCostCurve, most: MaxClearance | None, up: style.Unit) -> str:
+def clearance_story(found: ClearanceCostCurve, most: MaxClearance | None, up: units.Unit) -> str:
     """Return the headline of the clearance figure."""
     if most is not None:
-        share = f" ({style.signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
+        share = f" ({units.signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
         return f"{up.text(most.budget)}{share} afford zones {most.factor:.4g} times as large"
     seen = np.flatnonzero(np.isfinite(found.spent))
     first, last = seen[np.argmin(found.factor[seen])], seen[np.argmax(found.factor[seen])]
@@ -365,9 +365,9 @@ def alike(one: Plan, other: Plan) -> bool:
     )
 
 
-def energy_unit(greatest: float) -> style.Unit:
+def energy_unit(greatest: float) -> units.Unit:
     """Return the display unit for a maximum energy [m^2/s^3]."""
     for size, name in ((1.0, "m²/s³"), (1e-6, "mm²/s³")):
         if greatest >= size:
-            return style.Unit(size, name)
-    return style.Unit(1e-12, "µm²/s³")
+            return units.Unit(size, name)
+    return units.Unit(1e-12, "µm²/s³")

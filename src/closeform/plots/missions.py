@@ -19,8 +19,9 @@ from closeform.plots.drawing.inputs import Zones, one_path, picture, texts
 from closeform.plots.drawing.pairs import Pairs
 from closeform.plots.drawing.palette import CONFLICT, FAINT, INK, OTHER, colours
 from closeform.plots.drawing.space import AXES, INERTIAL, OBLIQUE, ORBITAL, Scene, finished, space_axes
-from closeform.plots.drawing.style import Clock, clock, dress, instants, plural, sheet, speed, time_axes
+from closeform.plots.drawing.style import dress, sheet, time_axes
 from closeform.plots.drawing.text import SMALL, plain, short_names
+from closeform.plots.drawing.units import Clock, clock, instants, plural, speed
 from closeform.plots.paths import NAMED, closest_pair, conflicts_of, ends, own_tracks, stretches
 from closeform.plots.thrusts import burn_rows
 

@@ -21,7 +21,7 @@ from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
 from closeform.planning.requirements import ApproachCone
 from closeform.plots.clearances import Deviations, Failed
-from closeform.plots.drawing import space, style
+from closeform.plots.drawing import space, style, units
 from closeform.plots.drawing.inputs import Paths, Zones, crafts, picture, same
 from closeform.plots.drawing.pairs import Pairs, ratio_text
 from closeform.plots.drawing.palette import (
@@ -59,7 +59,7 @@ ORIGIN = np.zeros(3)
 
 def track_of(path: Path, colour: Any, *args: Any, **look: Any) -> space.Track:
     """Return a path, sampled for a smooth curve, as a track."""
-    return space.Track(path.position(style.instants(path.start, path.end, path)), colour, *args, **look)
+    return space.Track(path.position(units.instants(path.start, path.end, path)), colour, *args, **look)
 
 
 def stretches(path: Path, intervals: Any, width: float = 4.5) -> list[space.Track]:
@@ -243,7 +243,7 @@ def formation_story(stages: list[Pairs], count: int, called: list[str]) -> str:
     craft, two = f"{count} craft", len(stages) > 1
     if not stages[0].total:
         return f"{craft}: {'paths before and after' if two else 'all paths'}"
-    counted, conflicts = style.plural(stages[0].total, "pair"), [int(one.hit.sum()) for one in stages]
+    counted, conflicts = units.plural(stages[0].total, "pair"), [int(one.hit.sum()) for one in stages]
     if not any(conflicts):
         return f"{craft}, {counted}: paths clear{' before and after' if two else ''}"
     words = [str(number) if number else "none" for number in conflicts]
@@ -285,10 +285,10 @@ def before_after(
         versions.append((after, AFTER, "-", "after", TOUCHED))
     tracks, marks, shapes, stories = list[space.Track](), list[space.Mark](), list[space.Shape](), list[str]()
     for other in others:
-        times = style.instants(*style.common_time(before, other), other)
+        times = units.instants(*units.common_time(before, other), other)
         tracks.append(space.Track(other.position(times), OTHER, 1.1, label="obstacles"))
     if corridor is not None:
-        for line in corridor._outline(after.position(style.instants(after.start, after.end, after))):
+        for line in corridor._outline(after.position(units.instants(after.start, after.end, after))):
             tracks.append(space.Track(line, ALTERNATIVE, 1.2, "-", "corridor", arrow=False))
     hit, closest = set[int](), list[tuple[float, int]]()
     for path, colour, dashes, role, limit in versions:
@@ -359,7 +359,7 @@ def squares(views: Sequence[SquareView], said: str) -> Figure:
     figure = style.sheet(6.6)
     shown = []
     for axes, view in zip(figure.subplots(1, len(views)), views, strict=True):
-        unit = style.length_unit(view.half)
+        unit = units.length_unit(view.half)
         limits = (np.asarray(view.middle)[:, None] + view.half * np.array([-1.0, 1.0])) / unit.size
         axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="S")  # so that labels have room
         style.dress(axes)
@@ -395,7 +395,7 @@ def two_ways(
     name : str, optional
         Name of the obstacle.
     """
-    shared = style.common_time(path, obstacle)
+    shared = units.common_time(path, obstacle)
     near = closest_approach(path, obstacle, zone)
     chosen = ways_around(path, obstacle, zone) if ways is None else sequence("ways", ways, Path)
     if len(chosen) > 2:
@@ -403,11 +403,11 @@ def two_ways(
     (called,) = short_names([instance("name", name, str)], 1) if name is not None else ("obstacle",)
     other = obstacle.position(near.time)
     stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone)]
-    tracks = [space.Track(obstacle.position(style.instants(*shared, obstacle)), OTHER, 1.6, label=called)]
+    tracks = [space.Track(obstacle.position(units.instants(*shared, obstacle)), OTHER, 1.6, label=called)]
     tracks += [track_of(path, BEFORE, 2.2, style.DASHED, "path"), *stretches(path, stays)]
     marks = [space.Mark(other, OTHER, "s", label=f"{called} then")]
     for k, (avoidance, tint) in enumerate(zip(chosen, (AFTER, ALTERNATIVE), strict=False), 1):
-        style.common_time(avoidance, obstacle)
+        units.common_time(avoidance, obstacle)
         at = closest_approach(avoidance, obstacle, zone).time
         for start, end, dashes, leg in (
             (avoidance.start, at, "-", "initial"),
@@ -415,12 +415,12 @@ def two_ways(
         ):
             if start < end:
                 words = f"way {k}, {extra_cost(path, avoidance)}" if leg == "initial" else "terminal leg"
-                points = avoidance.position(style.instants(start, end, avoidance))
+                points = avoidance.position(units.instants(start, end, avoidance))
                 tracks.append(space.Track(points, tint, 2.2, dashes, words, leg == "initial"))
         marks.append(space.Mark(avoidance.position(at), tint, size=8.0, order=5.0))
     first, last = path.position([path.start, path.end])
     marks += [space.Mark(first, INK, face="white", label="start"), space.Mark(last, INK, label="end")]
-    time = style.clock(path, path.start, path.end).text(near.time)
+    time = units.clock(path, path.start, path.end).text(near.time)
     said = f"No avoidance is needed: closest {near.ratio:.2f} × zone at {time}"
     if near.ratio <= 1:
         count = ("No avoidance trajectory", "One avoidance trajectory", "Two avoidance trajectories")[
@@ -435,9 +435,9 @@ def two_ways(
 def extra_cost(path: Path, avoidance: Path) -> str:
     """Return the extra cost of a path as text: energy if both are finite, otherwise delta-v."""
     if 0 < path.energy < np.inf and avoidance.energy < np.inf:
-        return f"{style.signed_percent(avoidance.energy / path.energy - 1)} energy"
+        return f"{units.signed_percent(avoidance.energy / path.energy - 1)} energy"
     more = avoidance.delta_v - path.delta_v
-    return f"{'+' if more >= 0.0 else '−'}{style.speed(abs(more))} Δv"
+    return f"{'+' if more >= 0.0 else '−'}{units.speed(abs(more))} Δv"
 
 
 # ----- free drift after a loss of thrust
@@ -465,7 +465,7 @@ def drift_fan(
     found = Failed.of(path, other, zone, until)
     worst, period = found.worst, path.orbit.period
     lost, met = worst.failed_at, worst.time
-    planned = gap(found, None, style.instants(path.start, path.end, path))
+    planned = gap(found, None, units.instants(path.start, path.end, path))
     whole, beside = list[space.Track](), list[space.Track]()
     wanted = np.linspace(found.times[0], found.times[-1], FAN)
     for k in np.unique(np.searchsorted(found.times, wanted).clip(0, len(found.times) - 1)).tolist():
@@ -514,7 +514,7 @@ def drift_fan(
         SquareView(scenes[1], cameras[1][1], names_of[1], np.zeros(2), half),  # type: ignore[arg-type]
     ]
     fate = "stays clear" if worst.ratio > 1.0 else "drifts into the zone"
-    said = f"{called[0]} {fate}: {found.story(style.clock(path, path.start, path.end))}"
+    said = f"{called[0]} {fate}: {found.story(units.clock(path, path.start, path.end))}"
     return squares(views, said)
 
 
@@ -610,7 +610,7 @@ def tube(
     ]
     if nearest is not None:
         marks.append(space.Mark(track[nearest], CONFLICT, label="closest approach in sigmas", order=5.5))
-    ticks = style.clock(path, float(found.times[0]), float(found.times[-1]))
+    ticks = units.clock(path, float(found.times[0]), float(found.times[-1]))
     how = "clear" if least.sigmas >= many else "not clear"
     said = f"{how} at {many:g} sigma, minimum {least.sigmas:.2f} sigma at {ticks.text(least.time)}"
     said = said if touched else "no error of any size causes a conflict"
@@ -644,7 +644,7 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     shown = [*range(min(RUNS, max(FEWEST, VERTICES // len(some)), runs)), flight.worst]
     off = flight.states[shown][:, :, some, :3] - planned
     room, most = SHARE * (np.ptp(planned.reshape(-1, 3), axis=0).max() or 1.0), float(np.abs(off).max())
-    gain = style.rounded_down(room / most) if 0.0 < most < room else 1.0
+    gain = units.rounded_down(room / most) if 0.0 < most < room else 1.0
     enlarged = planned + gain * off
     tracks = own_tracks(list(planned))
     for k, tint in enumerate(colours(count)):
@@ -654,6 +654,6 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
         words = worst if runs > 1 else "simulated"
         tracks.append(space.Track(enlarged[-1, k], CONFLICT, 0.9, label=words, arrow=False, order=2.5))
     scale = f"magnified {gain:g} times" if gain != 1.0 else "to scale"
-    most_off = style.length(flight.greatest_deviation)
-    said = f"{style.plural(runs, 'run')} of {count} craft: deviation at most {most_off}, {scale}"
+    most_off = units.length(flight.greatest_deviation)
+    said = f"{units.plural(runs, 'run')} of {count} craft: deviation at most {most_off}, {scale}"
     return space.in_planes([space.Scene(tracks, ends(list(planned), called))], said)

@@ -19,8 +19,9 @@ from closeform.motion.path import Path
 from closeform.plots.drawing.charts import Curve, Panel, Spans, intervals, series, spans
 from closeform.plots.drawing.inputs import crafts
 from closeform.plots.drawing.palette import colours
-from closeform.plots.drawing.style import DASHED, Clock, plain_unit, plural, speed, thrust_unit
+from closeform.plots.drawing.style import DASHED
 from closeform.plots.drawing.text import short_names
+from closeform.plots.drawing.units import Clock, plain_unit, plural, speed, thrust_unit
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

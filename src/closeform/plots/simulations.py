@@ -12,7 +12,7 @@ from closeform.arrays import Floats, instance
 from closeform.dynamics.clearance import ratios_at_times
 from closeform.dynamics.control.tracking_tube import Tube
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.plots.drawing import style
+from closeform.plots.drawing import style, units
 from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, series
 from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, CONFLICT, INK, ZONE
@@ -40,15 +40,15 @@ def flight_deviations(
     if tube is not None:
         lasts = float(flight.times[-1] - flight.times[0])
         radius = float(np.max(tube.containment(lasts, craft=flight.states.shape[1])))
-        share = f"; predicted: {100.0 * tube.probability:.3f} % of runs within {style.length(radius)}"
-    unit = style.length_unit(max(float(off.max()), radius))
+        share = f"; predicted: {100.0 * tube.probability:.3f} % of runs within {units.length(radius)}"
+    unit = units.length_unit(max(float(off.max()), radius))
     dot = (float(flight.times[step]), off[run, step] / unit.size)
     words = ("each run: largest of all craft", "median", f"largest deviation, run {run}")
     curves = runs(flight, flight.times, off / unit.size, run, words, dot, called[craft])
     if tube is not None:
         flat = np.full(2, radius / unit.size)
         curves.append(Curve(flight.times[[0, -1]], flat, "tracking-error tube", ZONE, style.DASHED))
-    most = f"Deviation at most {style.length(float(off.max()))} in {style.plural(len(off), 'run')}"
+    most = f"Deviation at most {units.length(float(off.max()))} in {units.plural(len(off), 'run')}"
     panel = Panel(f"deviation from the plan [{unit.name}]", curves)
     start, end = flight.times[[0, -1]].tolist()
     return series(most + share, [panel], clock_of(flight), start, end, height=5.8)
@@ -102,12 +102,12 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     draw(below, Panel("close-up [× zone]", close, 1.0, ""), ticks, [], [])
     below.set_ylim(dot[1] - room, top + room)
     style.time_axes([above], ticks, start, end)
-    style.time_axes([below], style.Clock(ticks.unit), *flight.times[near][[0, -1]].tolist())
+    style.time_axes([below], units.Clock(ticks.unit), *flight.times[near][[0, -1]].tolist())
     style.legend(figure, handles, legends)
     entered = int(
         (flight.ratios.min(axis=1) < 1.0).sum() if flight.ratios.size else (least.min(axis=1) < 1.0).sum()
     )
-    runs_in = style.plural(len(least), "run")
+    runs_in = units.plural(len(least), "run")
     found = f"Conflicts in {entered} of {runs_in}" if entered else f"No conflict in {runs_in}"
     style.headline(figure, f"{found}; minimum {dot[1]:.4f} × zone simulated, {planned.min():.4f} planned")
     return figure
@@ -126,6 +126,6 @@ def runs(
     ]
 
 
-def clock_of(flight: Simulation) -> style.Clock:
+def clock_of(flight: Simulation) -> units.Clock:
     """Return the time axis of a simulation."""
-    return style.clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
+    return units.clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))

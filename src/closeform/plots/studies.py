@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
-from closeform.plots.drawing import style
+from closeform.plots.drawing import style, units
 from closeform.plots.drawing.charts import Curve, Panel, series
 from closeform.plots.drawing.inputs import picture
 from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
@@ -129,7 +129,7 @@ def binned(times: TimeHistogram, search: Search | None = None, what: str = "pair
     end = float(edges[-1])
     if search is not None:  # up to the end of the phase with the last event
         end = next((end for *_, end in search.phases if end >= times.last), search.duration)
-    unit, noun = style.plain_unit(end), what.partition(" ")[0]
+    unit, noun = units.plain_unit(end), what.partition(" ")[0]
     axes.set_yscale("log")
     axes.set_ylim(0.7, 6.0 * max(10.0, float(times.counts.max(initial=0))))
     axes.set_xlim(0.0, end / unit.size)
@@ -151,7 +151,7 @@ def binned(times: TimeHistogram, search: Search | None = None, what: str = "pair
     return figure
 
 
-def phases(axes: Axes, search: Search, unit: style.Unit, counts: Any, until: float) -> None:
+def phases(axes: Axes, search: Search, unit: units.Unit, counts: Any, until: float) -> None:
     """Draw bands for the phases with their counts where there is room, and the ends of the turns."""
     for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
         colour, text = PHASE_COLOURS.get(name, OTHER), f"{name} {turn}: {spaced(count)}"
@@ -259,7 +259,7 @@ def collision(
         )
     order = np.argsort(found.rate_times)
     start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
-    ticks = style.clock(path, start, end) if path is not None else style.Clock(style.plain_unit(end - start))
+    ticks = units.clock(path, start, end) if path is not None else units.Clock(units.plain_unit(end - start))
     times, rates = found.rate_times[order], found.rates[order]
     times = np.concatenate([[min(start, times[0])], times, [max(end, times[-1])]])
     rates = np.concatenate([rates[:1], rates, rates[-1:]])

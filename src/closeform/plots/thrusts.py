@@ -20,7 +20,7 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
-from closeform.plots.drawing import style
+from closeform.plots.drawing import style, units
 from closeform.plots.drawing.charts import DASHES, Curve, Panel, name_rows, series
 from closeform.plots.drawing.inputs import crafts, picture, texts
 from closeform.plots.drawing.palette import (
@@ -74,26 +74,26 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         raise ValueError(f"paths: from one to {len(LINES)}, got {len(single_paths)}")
     labels = texts("labels", labels, len(single_paths), "paths")
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
-    ticks = style.clock(single_paths[0], start, end)
+    ticks = units.clock(single_paths[0], start, end)
     force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
-    unit = style.thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
+    unit = units.thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
     greatest = max(
         (float(np.linalg.norm(jump)) for path in single_paths for _, jump in path.impulses), default=0.0
     )
 
-    spent = style.speed_unit(max(path.delta_v for path in single_paths))
+    spent = units.speed_unit(max(path.delta_v for path in single_paths))
     names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
     curves: list[list[Curve]] = [[] for _ in names]
     looks = LINES[len(single_paths) - 1 :: -1]
     for path, (colour, dashes), name in zip(single_paths, looks, labels, strict=True):
-        times = style.instants(path.start, path.end, path)
+        times = units.instants(path.start, path.end, path)
         push = force * path.thrust(times) / unit.size
         energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
         words = f"{name}: Δv {spent.text(path.delta_v)}{energy}"
         for own, values in zip(curves, [np.linalg.norm(push, axis=1), *push.T], strict=True):
             own.append(Curve(times, values, "" if own is not curves[0] else words, colour, dashes, 2.2))
     panels = [Panel(f"{name} [{unit.name}]", own) for (name, _), own in zip(names, curves, strict=True)]
-    costs = [f"{name} {style.speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
+    costs = [f"{name} {units.speed(one.delta_v)}" for name, one in zip(labels, single_paths, strict=True)]
     figure = series(f"Delta-v: {', '.join(costs)}", panels, ticks, start, end, height=9.0)
     for axes, (_, colour) in zip(figure.axes, names, strict=True):
         axes.yaxis.label.set(fontsize=SMALL, color=colour)
@@ -109,9 +109,9 @@ def level(axes: Axes, top: float, positive: bool) -> None:
     axes.set_ylim(0 if positive else -top, top)
 
 
-def stems(panels: list[Axes], single_paths: list[Path], ticks: style.Clock, greatest: float) -> None:
+def stems(panels: list[Axes], single_paths: list[Path], ticks: units.Clock, greatest: float) -> None:
     """Draw impulses on a right axis whose zero coincides with that of the thrust."""
-    unit = style.speed_unit(greatest)
+    unit = units.speed_unit(greatest)
     for row, axes in enumerate(panels):
         right = style.right_axis(axes, f"impulse [{unit.name}]", INK)
         level(right, 1.15 * greatest / unit.size, row == 0)
@@ -160,22 +160,22 @@ def formation_thrust(
     pulsed = np.broadcast_to(pulsed, count)
     peaks, most = np.array([path.peak_thrust for path in single_paths]) * kilograms, most * kilograms
     known, basic = np.isfinite(most), "m/s²" if masses is None else "N"
-    unit = style.thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
+    unit = units.thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
 
     tints, few, curves = colours(count), 1 < count <= FEW, list[Curve]()
     for k, path in enumerate(single_paths):
-        times = style.instants(path.start, path.end, path)
+        times = units.instants(path.start, path.end, path)
         push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k] / unit.size
         dashes = DASHES[1 + (k - 1) % 3 if k else 0]  # a curve on top of an equal one shows both
         curves.append(Curve(times, push, called[k] if few else "", tints[k], dashes, 2.0 if few else 1.0))
     limit = most[known].max(initial=0.0)
     panel = Panel(f"{'planned ' if pulsed.any() else ''}thrust [{unit.name}]", curves)
-    said, ticks = thrust_verdict(called, peaks, most, pulsed, basic), style.clock(single_paths[0], start, end)
+    said, ticks = thrust_verdict(called, peaks, most, pulsed, basic), units.clock(single_paths[0], start, end)
     figure = series(said, [panel], ticks, start, end)
     if known.any():
         what = "thrust of one thruster" if pulsed[known].all() else "limit"
-        limited(figure.axes[0], most / unit.size, tints, what, style.thrust_unit(limit, basic).text(limit))
+        limited(figure.axes[0], most / unit.size, tints, what, units.thrust_unit(limit, basic).text(limit))
     return figure
 
 
@@ -199,9 +199,9 @@ def thrust_verdict(called: list[str], peaks: Floats, limits: Floats, pulsed: Any
     k = int(peaks.argmax())
     if not peaks[k] > 0.0:
         return "No spacecraft thrusts"
-    most = style.thrust_unit(peaks[k], basic).text(peaks[k])
+    most = units.thrust_unit(peaks[k], basic).text(peaks[k])
     if pulsed[k] and np.isfinite(limits[k]):
-        own = style.thrust_unit(limits[k], basic).text(limits[k])
+        own = units.thrust_unit(limits[k], basic).text(limits[k])
         return f"{called[k]} has the largest planned thrust, {most}; its thrusters have {own} each, on or off"
     said = f"{called[k]} has the largest thrust: {most}"
     if not np.isfinite(limits).any():
@@ -242,7 +242,7 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     else:
         every = [burns_of(path).significant for path in single_paths]
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
-    ticks, room = style.clock(single_paths[0], start, end), 0.015 * (end - start)
+    ticks, room = units.clock(single_paths[0], start, end), 0.015 * (end - start)
     figure, (axes,) = style.chart(2.4 + 0.55 * count if count > 1 else 3.6)
     style.time_axes([axes], ticks, start - room, end + room)
     burn_rows(axes, ticks, every, called, colours(count) if count > 1 else [AFTER], end - start)
@@ -253,7 +253,7 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
 
 def burn_rows(
     axes: Axes,
-    ticks: style.Clock,
+    ticks: units.Clock,
     every: Sequence[Burns],
     called: list[str],
     tints: Any,
@@ -265,7 +265,7 @@ def burn_rows(
     If `names`, the larger burns have labels where there is room. `span` is the length of the time axis [s].
     """
     count, greatest = len(every), max(float(one.size.max(initial=0.0)) for one in every)
-    unit, points, words = style.speed_unit(greatest), list[Floats](), list[str]()
+    unit, points, words = units.speed_unit(greatest), list[Floats](), list[str]()
     levels = np.arange(count)[::-1]
     axes.set_ylim(-0.15, float(count))
     axes.grid(axis="y", visible=False)
@@ -294,12 +294,12 @@ def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFirin
     k, count = int(np.argmax(spent)), sum(len(one.size) for one in every)
     if not count:
         return "No spacecraft burns"
-    said = f"{style.plural(count, 'burn' if firing is None else 'pulse')}, {style.speed(sum(spent))}"
+    said = f"{units.plural(count, 'burn' if firing is None else 'pulse')}, {units.speed(sum(spent))}"
     if firing is not None:
-        said += f" fired for {style.speed(float(np.sum(firing.planned.delta_v)))} planned"
+        said += f" fired for {units.speed(float(np.sum(firing.planned.delta_v)))} planned"
     if len(every) == 1:
-        return f"{called[0]}: {said}; the largest is {style.speed(float(every[0].size.max()))}"
-    return f"{said} in total; {called[k]} has the largest delta-v, {style.speed(spent[k])}"
+        return f"{called[0]}: {said}; the largest is {units.speed(float(every[0].size.max()))}"
+    return f"{said} in total; {called[k]} has the largest delta-v, {units.speed(spent[k])}"
 
 
 @picture("there is no such spacecraft")
@@ -328,8 +328,8 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
     times, wanted = planned_per_period(plan, thrusters)
     rows = thruster_rows(thrusters, fired, wanted)
     unit, ticks = (
-        style.speed_unit(float(max(fired.impulse.max(initial=0.0), wanted.max()))),
-        style.clock(plan, plan.start, plan.end),
+        units.speed_unit(float(max(fired.impulse.max(initial=0.0), wanted.max()))),
+        units.clock(plan, plan.start, plan.end),
     )
     figure, panels = style.chart(2.3 + 1.9 * len(rows), [1.0] * len(rows))
     for axes, row in zip(panels, rows, strict=True):
@@ -364,7 +364,7 @@ def thruster_rows(thrusters: Thrusters, fired: Pulses, wanted: Floats) -> list[t
 
 def planned_per_period(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats]:
     """Return the planned delta-v of each thruster per period: times (K,) [s] and delta-v (K, m) [m/s]."""
-    times = style.instants(plan.start, plan.end, plan)
+    times = units.instants(plan.start, plan.end, plan)
     wanted = np.zeros((len(times), len(thrusters)))
     peak = plan.peak_thrust
     if thrusters.period is not None and peak > 0.0:
@@ -394,11 +394,11 @@ def pulses_story(firing: ThrusterFiring, craft: int, fired: Pulses, name: str | 
     if not len(fired):
         return f"{lead}no pulses"
     off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
-    unit, burned = style.length_unit(bound), fired.propellant.sum()
+    unit, burned = units.length_unit(bound), fired.propellant.sum()
     planned = float(np.ravel(firing.planned.delta_v)[craft])
-    given = style.speed(fired.impulse.sum())
-    words = f"{lead}{style.plural(len(fired), 'pulse')}, {given} fired for {style.speed(planned)} planned"
+    given = units.speed(fired.impulse.sum())
+    words = f"{lead}{units.plural(len(fired), 'pulse')}, {given} fired for {units.speed(planned)} planned"
     if np.isfinite(burned):
         words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"
     words += f"; {unit.text(off, 3)} from the plan, at most {unit.text(bound, 3)}"
-    return words + (f"; {style.speed(dropped.impulse.sum())} omitted" if len(dropped) else "")
+    return words + (f"; {units.speed(dropped.impulse.sum())} omitted" if len(dropped) else "")

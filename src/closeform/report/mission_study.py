@@ -15,7 +15,7 @@ from closeform.confidence import estimate
 from closeform.report.description import MOST_ROWS, Column, Table, counted
 from closeform.report.page import quoted
 from closeform.report.picture import Picture
-from closeform.report.sections import model
+from closeform.report.sections import model_limits
 from closeform.report.study import (
     SPREAD,
     StudyReport,
@@ -277,7 +277,7 @@ def errors_report(campaign: ErrorCampaign) -> StudyReport:
                 for title, found in groups
             },
         },
-        sure=[*model.of_errors(True)],
+        sure=[*model_limits.of_errors(True)],
         notable=lambda replays: (conflicts,),
     )
 

@@ -32,7 +32,7 @@ from closeform.report.description import (
 )
 from closeform.report.page import Repeat
 from closeform.report.picture import Film, Picture, Progress
-from closeform.report.sections import conflicts, effort, model, moves, passive, searches, uncertain
+from closeform.report.sections import conflicts, effort, model_limits, moves, passive, searches, uncertain
 from closeform.report.sections.conflicts import RATIO
 from closeform.report.sections.effort import first_of_each
 from closeform.scenario import (
@@ -299,7 +299,7 @@ class RunReport:
     def origin(self) -> tuple[str, ...]:
         """The chief's orbit, notes on interpolated states, and the estimated model error."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
-        estimate = tuple(model.estimate(self.mission))
+        estimate = tuple(model_limits.estimate(self.mission))
         if chief is None:
             return estimate
         a, _, ex, ey, inclination, node = chief.elements
@@ -331,7 +331,7 @@ class RunReport:
             effort.budget(mission, self.thrusting),
             *self.sections,
             *self.in_flight,
-            model.section(mission),
+            model_limits.section(mission),
             *(() if self.flights is None else (self.flights.sure,)),
         )
 
@@ -449,13 +449,13 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         lines=(
             *failed,
             *safe.lines,
-            *model.predicted(mission, result),
+            *model_limits.predicted(mission, result),
             *conflicts.zones(result.before),
             *own.lines,
         ),
         tables=own.tables + safe.tables,
         closing=(
-            *model.margin(result),
+            *model_limits.margin(result),
             *own.closing,
             *(effort.limit_lines(mission, result) if found else ()),
             *(f"Animation left out: {count} craft are more than it can show",) * (len(drawn) < len(pictures)),
@@ -483,7 +483,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             **own.figures,
             **(effort.limit_figures(mission, result) if found else {}),
             **safe.figures,
-            **model.error_figures(result),
+            **model_limits.error_figures(result),
         },
         files={
             **conflicts.tables_of({"before": result.before, "after": result.after}),

@@ -18,7 +18,7 @@ from closeform.mission.verdict import MET, NOT_MET, Verdict, conflicts_in
 from closeform.report.description import Column, Section, Stamps, Table, counted, some_of, state_columns
 from closeform.report.page import Command, CommandReport
 from closeform.report.picture import Picture
-from closeform.report.sections import conflicts, model, uncertain
+from closeform.report.sections import conflicts, model_limits, uncertain
 from closeform.report.sections.conflicts import APPROACH, CONFLICT, MOST_PAIRS
 from closeform.report.sections.uncertain import SIGMAS, row
 from closeform.storage.result_folder import Folder
@@ -82,7 +82,7 @@ def screen_report(
         within = len(found.within)
         verdict = Verdict(None, within, within, exceeded=None, searched=False, sigmas=found.sigmas)
     asked = ephemerides(frame, command.files), command.table
-    sure = model.certain([SURE, *model.of_errors(found is not None)])
+    sure = model_limits.certain([SURE, *model_limits.of_errors(found is not None)])
     stored = {
         "conflicts": Table("", CONFLICT, [conflicts.conflict_row(one) for one in flight.conflicts]),
         "approaches": Table("", APPROACH, [conflicts.approach_row(one) for one in flight.approaches]),
@@ -304,7 +304,7 @@ def encounter_report(
         (
             Section("Request", opening[:1], (command.table,) if command.given else ()),
             Section("Results", (*opening[1:], *lines), (table,), pictures=shown),
-            Section("Limits of the model", neglected, (model.certain(list(SURE_OF_ENCOUNTER)),)),
+            Section("Limits of the model", neglected, (model_limits.certain(list(SURE_OF_ENCOUNTER)),)),
         ),
         {
             "kind": "encounter",

@@ -12,7 +12,7 @@ from closeform.mission.simulation import SimulatedRun, SimulatedStage
 from closeform.report.description import PAIR, Column, Section, Table, counted, state_columns
 from closeform.report.page import Command, CommandReport
 from closeform.report.picture import Picture
-from closeform.report.sections import conflicts, effort, model
+from closeform.report.sections import conflicts, effort, model_limits
 from closeform.scenario.study import UNPLANNED, readers
 
 
@@ -211,7 +211,7 @@ def sure(simulated: SimulatedRun) -> Section:
             f"{noise}; biases and thrust errors are constant in a simulation; each has its random stream",
         ),
     ]
-    tables = [model.certain(rows)]
+    tables = [model_limits.certain(rows)]
     if tube is not None:
         parts = [("unknown part of the force model", tube.model), ("thrust errors", tube.thrust)]
         parts += [("biases", tube.bias), (f"noise, {tube.sigmas:g} sigmas", tube.sigmas * tube.noise)]

@@ -18,7 +18,7 @@ from closeform.report import page, run
 from closeform.report.description import Column, Section, Table
 from closeform.report.page import Head, Repeat, quoted
 from closeform.report.picture import Picture, Progress
-from closeform.report.sections import model, searches
+from closeform.report.sections import model_limits, searches
 from closeform.search.gathering.result import listed
 from closeform.search.lock_statistics import TimeHistogram, phase_labels
 from closeform.search.schedule import Search
@@ -84,7 +84,7 @@ class StudyReport:
         found = tuple(one for one in (Table("", PAGES, rows), *self.notable(replays)) if one.rows)
         if found:
             yield Section("Notable cases", tables=found)
-        yield Section("Limits of the model", tables=(model.certain([SHARES, *self.sure]),))
+        yield Section("Limits of the model", tables=(model_limits.certain([SHARES, *self.sure]),))
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -299,7 +299,7 @@ def searches_report(campaign: Campaign) -> StudyReport:
         },
         (Picture("histogram", caption, "studies.binned", (times, campaign.search), what),),
         (searches.facts(search, campaign.search.duration), *draw_table(campaign)),
-        (model.LOCKS,),
+        (model_limits.LOCKS,),
         notable,
     )
 

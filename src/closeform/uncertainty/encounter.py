@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, positive, shown
 from closeform.motion.chief.ellipse import LARGEST
-from closeform.motion.chief.kepler import KeplerChief
+from closeform.motion.chief.yamanaka_ankersen import KeplerChief
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.frames import relative_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_MU

@@ -15,9 +15,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.chief.bernstein import DEGREE, chebyshev_at, chebyshev_of, integral_to, nodes
 from closeform.motion.chief.clock import angles_at
-from closeform.motion.chief.kepler import KeplerChief, joints_of
 from closeform.motion.chief.oblate_bounds import ELLIPSES, remainders
 from closeform.motion.chief.table import CHECKS, COLUMNS, Table, build
+from closeform.motion.chief.yamanaka_ankersen import KeplerChief, joints_of
 
 WANTED = (
     1e-11  # bound of the error of a column, relative to its largest entry, that sets the number of windows

@@ -16,17 +16,16 @@ from closeform.arrays import Floats
 from closeform.plots.drawing.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, OTHER
 from closeform.plots.drawing.style import (
     DOTTED,
-    Clock,
     chart,
     headline,
     legend,
     log_axis,
-    plain_unit,
     ratio_axis,
     time_axes,
     zone_band,
 )
 from closeform.plots.drawing.text import NEAR, SMALL, label, plain
+from closeform.plots.drawing.units import Clock, plain_unit
 
 SURE = 1e-8  # above a limit: numerical tolerance of a minimum
 PALE = "#9ec5df"

@@ -23,17 +23,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.plots.drawing.palette import AFTER, CONFLICT, DIRECTIONS, INK, OTHER, ZONE
-from closeform.plots.drawing.style import (
-    WIDTH,
-    Unit,
-    dress,
-    headline,
-    legend,
-    length_unit,
-    rounded_down,
-    sheet,
-)
+from closeform.plots.drawing.style import WIDTH, dress, headline, legend, sheet
 from closeform.plots.drawing.text import HALO, SMALL, label, plain, word
+from closeform.plots.drawing.units import Unit, length_unit, rounded_down
 from closeform.search.leg import SUN
 from closeform.zones.outlines import CIRCLE, drawn, shadow
 from closeform.zones.zone import Zone
