@@ -110,7 +110,7 @@ def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str
         if values.min() < least:
             least, least_time = float(values.min()), float(chunk[values.argmin()])
     raise ValueError(
-        f"max_acceleration: {craft}{limit:g} m/s^2 is too little for any transfer of up to {reach:.6g} s "
+        f"max_acceleration: {craft}{limit:g} m/s^2 is too low for any transfer of up to {reach:.6g} s "
         f"({REACH:g} orbits); about {least:.3g} m/s^2 is enough in {least_time:.6g} s"
     )
 

@@ -293,7 +293,7 @@ class Path(Result):
         Raises ValueError for a batch: index it first.
         """
         if self.shape:
-            raise ValueError(f"impulses: requires one spacecraft, this path has shape {self.shape}; index it")
+            raise ValueError(f"impulses: requires one spacecraft, got shape {self.shape}; index it")
         jumps = self.arcs[:, IMPULSE : IMPULSE + 3]
         return tuple((float(self.arcs[k, START]), jumps[k].copy()) for k in np.flatnonzero(jumps.any(axis=1)))
 

@@ -260,7 +260,7 @@ class ReferenceOrbit(ABC):
         docs/theory.md section 1; docs/motion.md.
         """
         if not isinstance(frame, str) or frame not in ("orbit", "inertial"):
-            raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(frame)}")
+            raise ValueError(f"frame: must be 'orbit' or 'inertial', got {shown(frame)}")
         push = finite("acceleration", acceleration, 3)
         arcs = arcs_from(self._rate, duration, start, state=state, like=push.shape[:-1])
         arcs[..., PUSH : PUSH + 3] = push

@@ -164,7 +164,7 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
     planned_paths = path.paths if isinstance(path, Plan) else path
     several = isinstance(path, Plan) and planned_paths is not None
     if whole("craft", craft) >= (count := len(planned_paths) if several and planned_paths is not None else 1):
-        raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
+        raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft}")
     one = one_craft("path", planned_paths[craft] if several and planned_paths is not None else planned_paths)
     contacts = ContactTerms.of(path, craft, one)
     burns, impulses = len(burns_of(one).significant.size), len(one.impulses)

@@ -53,7 +53,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     given = numbers("values", values)
     instance("what", what, str)
     if not 0.0 < (end := number("tail", tail)) < 1.0:
-        raise ValueError(f"tail: a share between 0 and 1, got {end:g}")
+        raise ValueError(f"tail: must be a fraction between 0 and 1, got {end:g}")
     if given.ndim != 1:
         raise ValueError(f"values: expected shape (M,), got {given.shape}")
     found = np.sort(given[~np.isnan(given)])
@@ -252,7 +252,7 @@ def collision(
     instance("found", found, Probability)
     instance("what", what, str)
     if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
-        raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
+        raise ValueError(f"limit: must be a probability above 0 and at most 1, got {limit:g}")
     if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
         raise ValueError(
             f'found: method "{found.method}" gave no rate of entries; give one of method="entries" above 0'

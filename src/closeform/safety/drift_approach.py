@@ -169,12 +169,12 @@ def _checked_beside_chief(
     chief = path.orbit.chief  # type: ignore[attr-defined]
     if not isinstance(failure, ThrustLost) or failing == "both":
         raise ValueError(
-            f"failure, failing: only ThrustLost of one spacecraft is judged about {chief}; failures with "
-            "several unknowns are searched about a circular orbit"
+            f"failure, failing: only ThrustLost of one spacecraft is supported about {chief}; failures with "
+            "several unknowns require a circular orbit"
         )
     if not np.isfinite(number("until", until)):
         raise ValueError(
-            f"until: must be finite about {chief}; only drifts about a circular orbit are proven for ever"
+            f"until: must be finite about {chief}; an infinite horizon requires a circular orbit"
         )
     return _checked(path, other, zone, until, failure, failing)
 

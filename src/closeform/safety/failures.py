@@ -122,5 +122,5 @@ Failure = ThrustLost | MissedBurns | DegradedThrust | StuckOnThrust
 def _share(name: str, value: ArrayLike) -> float:
     share = number(name, value)
     if not 0.0 <= share < 1.0:
-        raise ValueError(f"{name}: must be a share of thrust from 0 on, below 1, got {share:g}")
+        raise ValueError(f"{name}: must be a fraction of the thrust, at least 0 and below 1, got {share:g}")
     return share

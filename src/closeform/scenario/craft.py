@@ -363,7 +363,7 @@ def as_silence(value: Any) -> bool | Intervals:
         found = []
     if not found or any(begin >= end for begin, end in found):
         example = 'write for example "10 min to 20 min, 1 h to end"'
-        raise ValueError(f"{shown(value)} is neither true, false nor intervals that rise; {example}")
+        raise ValueError(f"{shown(value)} is not true, false or a list of increasing intervals; {example}")
     return tuple(found)
 
 

@@ -447,7 +447,7 @@ def zonals_of(given: Any) -> tuple[float, ...]:
             raise ValueError(f"zonals: expected 0, or a degree from 2 to {DEGREES + 1}, got {given}")
         return (EARTH_ZONALS[: max(given - 1, 0)] + none)[:DEGREES]
     if isinstance(given, (str, bytes)) or not np.iterable(given):
-        raise ValueError(f"zonals: expected a degree, or a sequence from J2 on, got {shown(given)}")
+        raise ValueError(f"zonals: expected a degree, or a sequence that starts with J2, got {shown(given)}")
     own = tuple(number("zonals", one) for one in given)
     if len(own) > DEGREES or not np.isfinite(own).all():
         raise ValueError(

@@ -67,7 +67,7 @@ class Plume(ThrustRequirement):
     def _cones(self, times: Floats, places: Floats, about: Floats, speeds: Floats) -> tuple[Floats, Floats]:
         """Return axes (C, J, 3) away from the others in range, and half-angles (C, J) [rad]."""
         if self.others is None:
-            raise ValueError("others: give the paths of the other spacecraft, which only a plan knows")
+            raise ValueError("others: give the paths of the other spacecraft, which are known only in a plan")
         others, first = self.others, self.others.offsets[:-1]
         starts, ends = np.reshape(others.start, (-1, 1)), np.reshape(others.end, (-1, 1))
         states = others._evaluate_rows(np.clip(times, starts, ends))

@@ -105,4 +105,4 @@ class ThrustRequirement(Requirement):
 def checked_half_angle(half_angle: float) -> None:
     """Raise ValueError unless the half-angle of a cone is above 0 and below pi/2 rad."""
     if not 0.0 < number("half_angle", half_angle) < pi / 2.0:
-        raise ValueError(f"half_angle: above 0 and below pi/2 rad, got {half_angle}")
+        raise ValueError(f"half_angle: must be above 0 and below pi/2 rad, got {half_angle}")
