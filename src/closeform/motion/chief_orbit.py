@@ -1,4 +1,4 @@
-"""A reference orbit that is not circular, and the paths that spacecraft can take beside its chief."""
+"""A reference orbit that is not circular, and the paths that spacecraft can take about its chief."""
 
 from __future__ import annotations
 

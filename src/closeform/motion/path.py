@@ -278,7 +278,7 @@ class Path(Result):
 
     @property
     def cubic_share(self) -> Any:
-        """Share of the arcs that are cubics through samples, no unit, of the path's shape.
+        """Fraction of the arcs that are cubics through samples, no unit, of the path's shape.
 
         The others are motion in this orbit. The share is 0 in deep space, where natural motion is
         cubic.
@@ -331,7 +331,7 @@ class Path(Result):
 
     @cached_property
     def _segments(self) -> tuple[Floats, Any]:
-        """Polynomial segments of all arcs beside a chief that is not on a circle, as `chief.segments`."""
+        """Polynomial segments of all arcs about a chief that is not on a circle, as `chief.segments`."""
         found: tuple[Floats, Any] = cast(Any, self.orbit)._segments(self.arcs, self.offsets)
         return found
 

@@ -85,8 +85,8 @@ class ReferenceOrbit(ABC):
         Returns
         -------
         Path
-            Path of the broadcast shape.  It keeps a limit to 1e-9, and its cost exceeds a lower bound, which
-            is computed with it, by at most a relative 1e-6.
+            Path of the broadcast shape.  It respects a limit to 1e-9, and its cost exceeds a lower bound,
+            which is computed with it, by at most a relative 1e-6.
 
         Raises
         ------

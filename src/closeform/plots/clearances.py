@@ -370,7 +370,7 @@ def duration(seconds: float) -> str:
 
 
 def passive_safety(found: Sequence[Failed]) -> str:
-    """Return the headline: whether all pairs are passively safe, and the share of unsafe failure times."""
+    """Return the headline: whether all pairs are passively safe, and the fraction of unsafe failure times."""
     worst = min(found, key=lambda one: one.worst.ratio)
     drift = worst.until - worst.path.end
     spans = f"for {duration(drift)} after the end" if np.isfinite(drift) else "without an end"

@@ -248,10 +248,10 @@ def mark_impulses(
 
 @picture("the table has no duration")
 def trade(found: TransferCostTable, plan: Path | Sequence[Path] | None = None) -> Figure:
-    """Plot the minimum delta-v against the transfer duration, to the cheapest slot for each duration.
+    """Plot the minimum delta-v against the transfer duration, to the lowest-cost slot for each duration.
 
-    The dashed line is the minimum over all durations. If the cheapest slot changes only a few times, labels
-    name it by its index, from 0.
+    The dashed line is the minimum over all durations. If the lowest-cost slot changes only a few times,
+    labels name it by its index, from 0.
 
     Parameters
     ----------

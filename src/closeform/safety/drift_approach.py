@@ -64,9 +64,9 @@ class DriftApproach(Rows):
     failing : str or array of str of shape (...)
         Which spacecraft fails in the worst case: "path", "other" or "both".
     lower : float or array of shape (...), no unit
-        Lower bound on the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower if
-        the search reached its maximum number of cells, as with several missed burns of both spacecraft. It is
-        -inf if unlimited drift may lead ever deeper into half-spaces.  Use this bound to judge safety.
+        Lower bound on the norm after any failure: 1e-9 below the ratio, or that fraction of it.  It is lower
+        if the search reached its maximum number of cells, as with several missed burns of both spacecraft. It
+        is -inf if unlimited drift may lead ever deeper into half-spaces.  Use this bound to judge safety.
     """
 
     _columns: ClassVar = {
@@ -325,7 +325,7 @@ def drift_approach(
     DriftApproach
         Floats for two spacecraft, arrays for batches. No failure at any instant leads below `lower`
         during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
-        or to that share of itself where it is above 1, unless failures with many unknowns need more
+        or to that fraction of itself where it is above 1, unless failures with many unknowns need more
         cells than are searched; then the minimum lies between `lower` and `ratio`.  About a chief that is
         not on a circle `lower` is mostly 0.1 % below the ratio; where it is lower, the minimum lies between.
 

@@ -35,7 +35,7 @@ class MissedBurns:
     Parameters
     ----------
     least : float, no unit, default 0
-        Minimum share of each burn, from 0 on, below 1.
+        Minimum fraction of each burn, at least 0 and below 1.
 
     Raises
     ------
@@ -55,14 +55,14 @@ class MissedBurns:
 
 @dataclass(frozen=True)
 class DegradedThrust:
-    """Degraded thrust: from any instant on, all thrust is the same share of the planned thrust.
+    """Degraded thrust: from any instant on, all thrust is the same fraction of the planned thrust.
 
     The share is any from `least` up to 1, and the plan is executed open loop, impulses included.
 
     Parameters
     ----------
     least : float, no unit, default 0
-        Minimum share that remains, from 0 on, below 1; 0 includes `ThrustLost`.
+        Minimum fraction that remains, at least 0 and below 1; 0 includes `ThrustLost`.
 
     Raises
     ------

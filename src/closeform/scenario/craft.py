@@ -431,7 +431,7 @@ class Craft(Engine):
         (0.0, 0.0, 0.0),
     )
     slew_rate_error: Annotated[float, Reader(SHARE)] = setting(
-        '"0.1 %"', "share by which all turns are too fast", 0.0
+        '"0.1 %"', "fraction by which all turns are too fast", 0.0
     )
     start_offset: Annotated[float, Reader(TIME)] = setting('"2 s"', "delay of the spacecraft's search", 0.0)
     slew_acceleration: Annotated[float, Reader(TURNING, least="positive")] | None = setting(

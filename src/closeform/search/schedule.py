@@ -340,7 +340,7 @@ class Search(Result):
         return axis, angle, angle / self.slew_rate
 
     def coverage(self, phase: str | None = None) -> float:
-        """Return the share of the sky that one craft's cone sweeps, for distant fixed directions.
+        """Return the fraction of the sky that one craft's cone sweeps, for distant fixed directions.
 
         Parameters
         ----------

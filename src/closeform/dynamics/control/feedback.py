@@ -107,7 +107,7 @@ class Navigation:
             object.__setattr__(self, name, float(nonnegative(name, number(name, getattr(self, name)))))
 
     def _kept(self, seconds: float) -> float:
-        """Return the share of a random error that remains after some time."""
+        """Return the fraction of a random error that remains after some time."""
         return float(np.exp(-seconds / self.correlation)) if self.correlation > 0.0 else 0.0
 
 

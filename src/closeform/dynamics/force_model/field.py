@@ -102,7 +102,7 @@ class Field:
         follows that instead.
     zonals : int or sequence of float, no unit, default 2
         Maximum degree of the Earth's zonals: 0 for a point mass, 2 to 6 for J2 to J6. Or the zonals of
-        another body, from J2 on.
+        another body, from J2 onward.
     drag : Drag, optional
         Atmosphere and ballistic coefficients. Default: no drag.
     radius : float [m], default 6378136.3

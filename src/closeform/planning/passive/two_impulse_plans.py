@@ -29,7 +29,7 @@ MISSED = 1e-9  # of the positions and drift distances: larger misses are not a s
 
 
 def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
-    """Yield times (N, 2) and impulses (N, 2, 3) of plans without a sampled conflict, cheapest first.
+    """Yield times (N, 2) and impulses (N, 2, 3) of plans without a sampled conflict, lowest cost first.
 
     All craft wait and drift for the same times.  Conflicts are sampled with obstacles only.
     """

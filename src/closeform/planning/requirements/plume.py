@@ -29,7 +29,7 @@ class Plume(ThrustRequirement):
     half_angle : float [rad]
         Between the axis of the exhaust and its edge, above 0 and below pi/2.
     range : float [m]
-        Distance from which on the exhaust does no harm; positive.
+        Distance beyond which the exhaust does no harm; positive.
     others : Path, or sequence of Path, default all other spacecraft of the plan
         Spacecraft that the exhaust must not hit, while their paths last.
 

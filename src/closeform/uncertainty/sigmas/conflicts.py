@@ -196,7 +196,7 @@ def nearest_tubes(scene, begin, row):
     )
 )
 def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
-    """Write the conflicts of pairs from `pair` on: pair, start, end, time and level of the minimum."""
+    """Write the conflicts of pairs from `pair` onward: pair, start, end, time and level of the minimum."""
     one, two, tube = lent(one), lent(two), lent(tube)
     times, tracks, other_tracks = borrowed(times), borrowed(tracks), borrowed(other_tracks)
     near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
