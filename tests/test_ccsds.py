@@ -124,7 +124,7 @@ DAMAGE = {
         "line 13: keyword REF_FRAME occurs twice",
     ),
     "two segments": (lambda text: text + HEAD[HEAD.index("META_START") :] + ROWS, "has 2 segments"),
-    "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "not a complete OEM"),
+    "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "incomplete OEM"),
 }
 
 

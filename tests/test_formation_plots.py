@@ -285,7 +285,7 @@ def test_invalid_input_is_named():
         (lambda: plots.formation_paths(SOME, SOME, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
-        (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
+        (lambda: plots.ratio_matrix(SOME, ()), "zones: no pair of craft has a zone"),
         (
             lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})),
             "zones: zones of 4 spacecraft for 3 paths",
@@ -303,7 +303,7 @@ def test_invalid_input_is_named():
             lambda: plots.closest_pairs(SOME, BALL, count=0),
             "count: expected a whole number of at least 1, got 0",
         ),
-        (lambda: plots.closest_pairs(APART, BALL), "paths: no two craft that have a zone share a time"),
+        (lambda: plots.closest_pairs(APART, BALL), "paths: no pair of craft with a zone has a common time"),
     ]:
         with pytest.raises(ValueError, match=message):
             call()
