@@ -280,5 +280,5 @@ def test_invalid_engines():
         cf.tracking_margins(path, FIELD, engine=False)
     with pytest.raises(ValueError, match=r"^thrusters: craft 1 has no engine; give None for it$"):
         cf.simulate(path, FIELD, thrusters=OWN, engine=[True, False, True])
-    with pytest.raises(ValueError, match=r"^engine: True or False"):
+    with pytest.raises(ValueError, match=r"^engine: expected True or False"):
         cf.compensated_thrust(path, FIELD, engine=0.0)
