@@ -94,7 +94,7 @@ class Look:
         ]
 
     def clear(self, motions: Floats, times: Floats) -> Floats:
-        """Return which plans (C,) pass all obstacles on their M (N, C, 6), from the first impulse on."""
+        """Return which plans (C,) with natural `motions` (N, C, 6) are clear from their first impulse."""
         clear = np.ones(motions.shape[1], dtype=bool)
         for i, zone, places in self.pairs:
             rows = np.flatnonzero(clear)

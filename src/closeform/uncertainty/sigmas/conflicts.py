@@ -116,7 +116,7 @@ def is_doubtful(tube, k, span):
 
 @kernel(inline=True)
 def march_inside(tube, t, span, k, patience):
-    """March inside with one position that is inside at each step: (time reached, True if none is).
+    """March while some position of the tube is inside; return the time reached, and True if none is.
 
     After too many short steps, k sigmas count as inside until they are clear for longer than such a step.
     """
