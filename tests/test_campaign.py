@@ -451,10 +451,10 @@ def test_error_messages_of_study_commands(tmp_path, monkeypatch, capsys) -> None
         "--case: -1 is negative, cases count from 0; give 0 or more"
     ]
     assert refused(capsys, ["study", "s04.toml", "--cases", "0"]) == [
-        "--cases: expected a whole number from 1 on, got 0"
+        "--cases: expected a whole number of at least 1, got 0"
     ]
     assert refused(capsys, ["study", "s04.toml", "--seed", "-1"]) == [
-        "--seed: expected a whole number from 0 on, got -1"
+        "--seed: expected a whole number of at least 0, got -1"
     ]
     assert refused(capsys, ["study", "s04.toml", "--scheduler", "tcp://127.0.0.1:1"]) == [
         "--scheduler: tcp://127.0.0.1:1 does not respond within 5 s; start it, or check the address"
@@ -475,7 +475,8 @@ def test_error_messages_of_study_commands(tmp_path, monkeypatch, capsys) -> None
         (
             'half_angle = "20 deg"',
             'half_angle = "60 deg"',
-            "search.sun_limit: a half-angle of 60 deg requires tips of 35.264 deg, the limit is 25 deg; "
+            "search.sun_limit: a half-angle of 60 deg requires tips of 35.264 deg, "
+            "above the limit of 25 deg; "
             "a half-angle of 67.0902 deg is sufficient",
         ),
         ('"A", "B", "A"', '"A", "A", "A"', "craft.group: group B is empty, "),

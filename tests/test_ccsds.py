@@ -124,7 +124,7 @@ DAMAGE = {
         "line 13: keyword REF_FRAME occurs twice",
     ),
     "two segments": (lambda text: text + HEAD[HEAD.index("META_START") :] + ROWS, "has 2 segments"),
-    "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "not a complete OEM"),
+    "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "incomplete OEM"),
 }
 
 
@@ -153,8 +153,8 @@ def test_segments_are_read_one_by_one(tmp_path):
     ("change", "message"),
     [
         (lambda text: text.replace("2017-01-01T23:59:50", "2016-12-31T23:59:55"), "segment 2: begins 16 s before the previous one"),
-        (lambda text: text.replace("DEPUTY", "OTHER"), "segment 2: is of OTHER, the previous one of DEPUTY; give two files"),
-        (lambda text: text.replace("UTC", "TAI"), "segment 2: is of TAI, the previous one of UTC"),
+        (lambda text: text.replace("DEPUTY", "OTHER"), "segment 2: is of OTHER, but the previous one is of DEPUTY"),
+        (lambda text: text.replace("UTC", "TAI"), "segment 2: is of TAI, but the previous one is of UTC"),
         (lambda text: text.replace("75.0", "many"), "segment 2: line 31: 'many' is not a number"),
     ],
 )  # fmt: skip

@@ -386,7 +386,10 @@ def test_invalid_input_is_reported_in_one_line():
         (lambda: inertial_from_elements([7e6, 0, 1.0, 0, 1, 0]), "elements: the orbit must be an ellipse"),
         (lambda: roe_from_elements([7e6, 0, 0, 0, 1e-7, 0], [7e6, 0, 0, 0, 1, 0]), "chief: inclination 0"),
         (lambda: elements_from_roe([7e6, 0, 0, 0, 1, 0], [-1, 0, 0, 0, 0, 0]), "roe: the orbit must be"),
-        (lambda: relative_from_inertial(STATE, STATE, "curved"), 'along_track: "straight" or "arc", got'),
+        (
+            lambda: relative_from_inertial(STATE, STATE, "curved"),
+            'along_track: must be "straight" or "arc", got',
+        ),
         (lambda: relative_from_inertial(STATE, STATE, radius=7e6), "radius: only used with"),
         (lambda: relative_from_inertial([0] * 6, STATE), "chief: position and velocity must span"),
         (lambda: relative_from_inertial(STATE, [0, 0, 7e6, 0, 0, 0], "arc"), "on the axis of the chief"),

@@ -269,13 +269,13 @@ REFUSED = {
     ),
     "too weak": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e-5, period=30.0)},
-        "acceleration: at about 2985.08 s the plan asks thruster 0 for 0.000175 m/s², it gives 1e-05; plan "
+        "acceleration: at about 2985.08 s thruster 0 must provide 0.000175 m/s², above its 1e-05 m/s²; plan "
         "with a max_acceleration or more time",
     ),
     "bit above the whole": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=30.0, minimum_bit=5.0)},
-        "minimum_bit: 5 m/s is above the 0.192 m/s that the plan asks of a thruster at a time, so nothing "
-        "would be fired; plan with impulses, or take finer thrusters",
+        "minimum_bit: 5 m/s is above 0.192 m/s, the largest pulse of the plan, so no thruster "
+        "would fire; plan with impulses, or take finer thrusters",
     ),
     "stronger than times can tell": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e9, period=30.0)},

@@ -48,5 +48,5 @@ def test_pulses_of_one_spacecraft_of_a_formation():
         f"{k + 1} up, {8 - k} down" for k in range(4)
     ]
     assert "no pulses" in cf.plots.pulses(firing).get_suptitle()
-    with pytest.raises(ValueError, match=r"^craft: from 0 to 1, got 2$"):
+    with pytest.raises(ValueError, match=r"^craft: must be from 0 to 1, got 2$"):
         cf.plots.pulses(firing, craft=2)

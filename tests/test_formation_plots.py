@@ -285,7 +285,7 @@ def test_invalid_input_is_named():
         (lambda: plots.formation_paths(SOME, SOME, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
-        (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
+        (lambda: plots.ratio_matrix(SOME, ()), "zones: no pair of craft has a zone"),
         (
             lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})),
             "zones: zones of 4 spacecraft for 3 paths",
@@ -299,8 +299,11 @@ def test_invalid_input_is_named():
             lambda: plots.ratio_matrix(SOME, [cf.Box([1, 9, 1]), cf.Box([9, 1, 1]), None]),
             "craft 0 and craft 1: neither zone contains the other",
         ),
-        (lambda: plots.closest_pairs(SOME, BALL, count=0), "count: expected a whole number from 1 on, got 0"),
-        (lambda: plots.closest_pairs(APART, BALL), "paths: no two craft that have a zone share a time"),
+        (
+            lambda: plots.closest_pairs(SOME, BALL, count=0),
+            "count: expected a whole number of at least 1, got 0",
+        ),
+        (lambda: plots.closest_pairs(APART, BALL), "paths: no pair of craft with a zone has a common time"),
     ]:
         with pytest.raises(ValueError, match=message):
             call()
@@ -382,7 +385,7 @@ def test_animation_of_an_orbit(tmp_path):
     assert all(np.abs(a - b).sum() > 0 for a, b in zip(shown[:-1], shown[1:], strict=True))
     assert tuple(shown[0][1, 1]) == (255, 255, 255)
     assert file.stat().st_size * 101 / 6 < 3.5e6
-    with pytest.raises(ValueError, match="frames: expected a whole number from 2 on, got 1"):
+    with pytest.raises(ValueError, match="frames: expected a whole number of at least 2, got 1"):
         plots.formation_animation(before, file, frames=1)
 
 

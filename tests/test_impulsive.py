@@ -339,7 +339,7 @@ def test_transfer_cost_table_has_the_minimum():
 @pytest.mark.parametrize(
     ("slots", "duration", "message"),
     [
-        (np.empty((0, 6)), [900.0], r"slots: expected shape \(S, 6\) for one slot at least, got \(0, 6\)"),
+        (np.empty((0, 6)), [900.0], r"slots: expected shape \(S, 6\) for at least one slot, got \(0, 6\)"),
         (
             np.zeros((2, 6)),
             900.0,

@@ -88,5 +88,5 @@ def test_conflicts_agree_with_dense_sampling():
 
 
 def test_unknown_frame_is_refused():
-    with pytest.raises(ValueError, match=r"^frame: 'orbit' or 'inertial', not 'body'$"):
+    with pytest.raises(ValueError, match=r"^frame: must be 'orbit' or 'inertial', got 'body'$"):
         ORBIT.burn(STATE, PUSH, 60.0, frame="body")

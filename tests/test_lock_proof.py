@@ -353,7 +353,7 @@ def test_invalid_input():
         ({"pointing_error": -0.1}, "pointing_error: must be finite and at least 0, got -0.1"),
         ({"rate_error": 1.0}, "rate_error: must be below 1, got 1"),
         ({"slew_acceleration": 0.0}, "slew_acceleration: must be positive, got 0"),
-        ({"nodes": 0}, "nodes: expected a whole number from 1 on, got 0"),
+        ({"nodes": 0}, "nodes: expected a whole number of at least 1, got 0"),
     ]:
         given = {"search": S04, "low": -np.ones(6), "high": np.ones(6)} | arguments
         with pytest.raises(ValueError, match=message):

@@ -204,7 +204,7 @@ def test_clearance_cost_curve():
         ((PATH, OTHER, ZONE, np.inf), "^budget: must be positive and finite, got inf"),
         ((PATH, (), ZONE, 1.0), "^obstacles: give at least one path"),
         ((FORMATION, (), [None] * 8, 1.0), "^zone: no pair has a zone; give at least one"),
-        ((FORMATION[None], OTHER, ZONE, 1.0), "^path: of one craft or of shape"),
+        ((FORMATION[None], OTHER, ZONE, 1.0), "^path: requires one craft or shape"),
     ],
 )
 def test_invalid_input_is_named(arguments, message):

@@ -215,9 +215,9 @@ def test_marked_minimum_is_the_certified_ratio():
     [
         (lambda: plots.distances(MOVER, OTHERS, ELLIPSOID), "other: pictures show one craft"),
         (lambda: plots.distances(MOVER, ORBIT.coast(FIRST, 9.0, 1e6), ELLIPSOID), "other: shares no time"),
-        (lambda: plots.two_ways(MOVER, HIT, ELLIPSOID, [MOVER] * 3), "ways: at most 2, got 3"),
+        (lambda: plots.two_ways(MOVER, HIT, ELLIPSOID, [MOVER] * 3), "ways: give at most 2, got 3"),
         (lambda: plots.thrust([MOVER], []), "labels: 0 labels for 1 paths"),
-        (lambda: plots.thrust([MOVER] * 4, "abcd"), "paths: from one to 3, got 4"),
+        (lambda: plots.thrust([MOVER] * 4, "abcd"), "paths: give one to 3, got 4"),
         (lambda: plots.ratios(MOVER, MOVER, [], ELLIPSOID), "obstacles: give at least one path"),
         (lambda: plots.ratios(MOVER, MOVER, OTHERS, ELLIPSOID, ["A"]), "names: 1 names for 7 obstacles"),
         (

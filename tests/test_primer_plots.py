@@ -113,7 +113,7 @@ def test_primer_of_each_spacecraft_of_a_joint_plan():
         sizes = [np.linalg.norm(push) for _, push in plan.paths[craft].impulses]
         assert dots(figure) @ sizes == pytest.approx(plan.paths[craft].delta_v, rel=5e-4)
         assert curve_of(figure).get_ydata().max() <= 1.005
-    with pytest.raises(ValueError, match=r"^craft: from 0 to 5, got 6$"):
+    with pytest.raises(ValueError, match=r"^craft: must be from 0 to 5, got 6$"):
         cf.plots.primer(plan, 6)
 
 

@@ -243,7 +243,7 @@ def test_run_uses_the_errors_of_its_file(tmp_path):
     file.write_text(RUN.replace("slew_rate_error", f"{quiet}\nslew_rate_error"))
     assert cf.run(file).results[0].result.locks.time >= truth + 60.0 - 1e-6
     file.write_text(RUN.replace("slew_rate_error", 'silent = "5 min"\nslew_rate_error'))
-    with pytest.raises(ValueError, match="neither true, false nor intervals"):
+    with pytest.raises(ValueError, match="not true, false or a list of increasing intervals"):
         cf.run(file)
 
 

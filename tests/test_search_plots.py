@@ -249,7 +249,10 @@ def test_invalid_input():
         (lambda: plots.three_views(FIVE, 1e5), "time: must lie in the gathering, from 0 to 1509.47 s"),
         (lambda: plots.three_views(FIVE, 0.0, 5), "craft: must be from 0 to 4, got 5"),
         (lambda: plots.three_views(FIVE, 0.0, names=["a"]), "names: 1 names for 5 craft"),
-        (lambda: plots.animation(FIVE, io.BytesIO(), frames=1), "frames: expected a whole number from 2 on"),
+        (
+            lambda: plots.animation(FIVE, io.BytesIO(), frames=1),
+            "frames: expected a whole number of at least 2",
+        ),
     ]:
         with pytest.raises(ValueError, match=message):
             call()

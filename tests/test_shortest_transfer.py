@@ -90,7 +90,7 @@ def test_dense_scan_finds_no_shorter_transfer(seed, exponent):
     times = np.geomspace(1.0, 10.0 * ORBIT.period, 4000)
     peaks = ORBIT.transfer(initial, final, times).peak_thrust
     if not (peaks <= limit).any():
-        with pytest.raises(ValueError, match=r"too little for any transfer of up to .* \(10 orbits\)"):
+        with pytest.raises(ValueError, match=r"too low for any transfer of up to .* \(10 orbits\)"):
             shortest_transfer(ORBIT, initial, final, limit)
         return
     path = shortest_transfer(ORBIT, initial, final, limit)

@@ -274,11 +274,11 @@ def test_moves_without_an_engine_are_refused(was: str, becomes: str, line: str):
 
 def test_invalid_engines():
     path = among("transfer")
-    with pytest.raises(ValueError, match=r"^engine: True or False, or one for each of 3 craft, got"):
+    with pytest.raises(ValueError, match=r"^engine: expected True or False, or one for each of 3 craft, got"):
         cf.simulate(path, FIELD, engine=[True, False])
     with pytest.raises(ValueError, match=r"^engine: craft 0 has none, but its path thrusts; give its"):
         cf.tracking_margins(path, FIELD, engine=False)
     with pytest.raises(ValueError, match=r"^thrusters: craft 1 has no engine; give None for it$"):
         cf.simulate(path, FIELD, thrusters=OWN, engine=[True, False, True])
-    with pytest.raises(ValueError, match=r"^engine: True or False"):
+    with pytest.raises(ValueError, match=r"^engine: expected True or False"):
         cf.compensated_thrust(path, FIELD, engine=0.0)

@@ -54,7 +54,7 @@ def test_single_spacecraft_needs_no_name(tmp_path) -> None:
         ("vz [m/s],", "dz,", "has no column of vz; add vz_m_s"),
         ("A,last,3", "A,last,three", "line 11: 'three' is not a number; correct or remove the row"),
         ("A,last,3", "A,last,nan", "line 11: a value is not finite; correct or remove the row"),
-        ("A,last,3,", "A,last,", "line 11: has 8 cells, the columns are 9; correct the row"),
+        ("A,last,3,", "A,last,", "line 11: has 8 cells for 9 columns; correct the row"),
         ("366000,2\n", "366000,0.5\n", "line 11: times of A must increase; sort the rows"),
         ("366000,2\n", "366000,1\n", "line 10: a span of one state; at least two are needed"),
     ],

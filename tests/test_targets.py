@@ -325,10 +325,10 @@ MEETING = np.array([[0, 0, 0, 1.0, 0, 0], [0, 50, 0, 0, 0, 0], [200.0, 0, 0, -1.
 
 REFUSED = {
     "orbit: safety_ellipse is undefined in deep space": lambda: targets.safety_ellipse(DEEP, 3, 1.0, 1.0),
-    "count: expected a whole number from 1 on, got 0": lambda: targets.string_of_pearls(ORBIT, 0, 1.0),
+    "count: expected a whole number of at least 1, got 0": lambda: targets.string_of_pearls(ORBIT, 0, 1.0),
     "radial: must be positive": lambda: targets.safety_ellipse(ORBIT, 3, -1.0, 1.0),
     "inclination: 0 gives": lambda: targets.separated_ring(ORBIT, 3, 1.0, 0.0),
-    "states: no place that continues": lambda: targets.added_member(DEEP, RING[:1]),
+    "states: every place that continues": lambda: targets.added_member(DEEP, RING[:1]),
     "factor: must be at least 1": lambda: targets.scattered(ORBIT, RING, 100.0, 0.5),
     "craft 1 and 3 are at the same position at the start": lambda: targets.scattered(
         ORBIT, TWINS, 100.0, 2.0

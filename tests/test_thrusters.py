@@ -83,7 +83,7 @@ def test_force_becomes_acceleration():
             {"directions": [[1, 0, 0], [0, 1, 0], [1, 0, 0]]},
             "directions[2]: the same as directions[0]; give one with the sum of both accelerations",
         ),
-        ({"frame": "body"}, "frame: 'orbit' or 'inertial', not 'body'"),
+        ({"frame": "body"}, "frame: must be 'orbit' or 'inertial', got 'body'"),
         ({"acceleration": -1.0}, "acceleration: must be positive and finite, got -1"),
         ({"period": 0.0}, "period: must be positive and finite, got 0 s"),
     ],

@@ -87,7 +87,7 @@ def positive(name: str, value: ArrayLike, unit: str = "") -> float:
 def whole(name: str, value: Any, least: int = 0) -> int:
     """Return an argument as an integer of at least `least`."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
-        raise ValueError(f"{name}: expected a whole number from {least} on, got {shown(value)}")
+        raise ValueError(f"{name}: expected a whole number of at least {least}, got {shown(value)}")
     return int(value)
 
 

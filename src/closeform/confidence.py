@@ -9,7 +9,7 @@ DEVIATIONS = 1.959963984540054  # standard deviations of a normal distribution f
 
 @dataclass(frozen=True)
 class Estimate:
-    """A share of cases, and its 95 % confidence interval from `low` to `high`."""
+    """A fraction of cases, and its 95 % confidence interval from `low` to `high`."""
 
     share: float
     low: float

@@ -127,7 +127,7 @@ class Rows(Result):
 
 
 def told(value: Any, unit: str) -> str:
-    """Return a value as text: numbers with their unit, for several their count and range."""
+    """Return a value as text: a number with its unit, or the count and range of several numbers."""
     value = value.item() if isinstance(value, np.ndarray | np.generic) and value.ndim == 0 else value
     if isinstance(value, Result):
         return value._brief

@@ -83,7 +83,7 @@ def evaluated(
     if count * kind.numbers > MOST_NUMBERS:
         line = f"{count} with {kind.numbers} numbers each are too many to hold in memory"
         most = MOST_NUMBERS // kind.numbers
-        raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
+        raise ScenarioError(scenario.file, [f"study.cases: {line}; give at most {most}"])
     held, done = Held(kind, count), 0
     every = ((cases.start, cases.stop) for cases in ranges(kind, count))
     for (first, end), columns in in_threads(kind.prepared().columns, every):
@@ -107,7 +107,7 @@ def requested(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[
     if each * max(1, len(scenario.points)) > MOST_CASES:
         points = f" at each of {len(scenario.points)} points" * bool(scenario.points)
         most = MOST_CASES // max(1, len(scenario.points))
-        raise ValueError(f"cases: {each}{points} are too many; give {most} at most")
+        raise ValueError(f"cases: {each}{points} are too many; give at most {most}")
     if not scenario.points:
         return kind_of(scenario, chosen), each
     from closeform.campaign.sweep_cases import SweepCases

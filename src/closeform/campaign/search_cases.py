@@ -366,7 +366,7 @@ def within_limits(scenario: Scenario, found: Gatherings) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Share:
-    """Number of `cases` that ended in one phase, as a share `inside` it and, cumulatively, `by_end` of it.
+    """Number of `cases` that ended in one phase, as a fraction `inside` it and, cumulatively, `by_end` of it.
 
     `label` is "at once" (at time 0), a phase and its round like "IPS 1", or "never".
     """

@@ -95,7 +95,7 @@ class PointChunks:
 
 
 class Point(NamedTuple):
-    """Statistics at one point: its `values` by key, its `campaign`, and the share of good cases.
+    """Statistics at one point: its `values` by key, its `campaign`, and the fraction of good cases.
 
     `name` and `spread` describe the times or the delta-v of its cases; they are None if no case is done.
     """

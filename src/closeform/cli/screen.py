@@ -210,7 +210,9 @@ def encounter(
 
     half = quantity("window", TIME, window)
     if limit is not None and not 0.0 < limit <= 1.0:
-        raise UsageError(f"--limit: a probability above 0, up to 1, got {limit:g}; give for example 1e-4")
+        raise UsageError(
+            f"--limit: must be a probability above 0 and at most 1, got {limit:g}; give for example 1e-4"
+        )
     bodies = quantity("radius", LENGTH, radius)
     check_present(message)
     place = free(out, message, "encounter", overwrite)

@@ -189,7 +189,7 @@ def screen(
     others near it at a time. Memory grows with the number of spacecraft and conflicts. A long screening
     shows a progress bar on standard error if that is a terminal. Paths through samples are searched as
     they are; their `interpolation_error` estimates the distance of the spacecraft from them. With errors
-    every pair is tested, the bounds include the sigmas, and a pair that remains takes some tens of
+    every pair is tested, the bounds include the sigmas, and a pair that remains takes a few tens of
     microseconds.
 
     References

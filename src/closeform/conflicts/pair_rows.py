@@ -40,7 +40,7 @@ def conflicts_of(
 
 
 def collected(find: Callable[[int, Floats, Any], int], first: Any, second: Any) -> tuple[Any, Floats]:
-    """Return all conflicts of pairs that `find(pair, rows, done)` fills in from a pair on."""
+    """Return all conflicts of pairs that `find(pair, rows, done)` fills in from a pair onward."""
     table = all_rows(find, len(first), min(4096, 64 + len(first)))
     index = table[:, 0].astype(np.int64)
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]

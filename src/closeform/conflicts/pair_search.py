@@ -202,7 +202,7 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, for
 
 @kernel(inline=True)
 def conflicts_from(meet, search, nearest, scene, first, second, pair, rows, done):
-    """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit.
+    """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` onward, as many as fit.
 
     `meet(scene, one, two)` returns False for a pair that never comes near, and where its search begins.
     `search(scene, begin, k, rows, count)` appends its conflicts, and `nearest(scene, begin, row)` completes
@@ -303,7 +303,7 @@ def conflicts_of_pairs(
 
 
 def all_rows(search: Callable[[int, Floats, Any], int], pairs: int, space: int) -> Floats:
-    """Return the rows (M, 5) of all pairs by a search from a pair on, which fills as many rows as fit.
+    """Return the rows (M, 5) of all pairs by a search from a pair onward, which fills as many rows as fit.
 
     `search(pair, rows, done)` returns the number of rows and fills `done` as `conflicts_of_pairs` does.
     `space` is the initial number of rows.

@@ -165,7 +165,7 @@ def find_conflicts(
     holds without a time step, for conflicts of any duration, up to rounding: of positions, about 1e-15 of the
     largest relative coordinate; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
     a conflict, one above 1 + 4e-13 is none.  At every start and end inside the common time
-    |norm - 1| <= 1e-12 where rounding allows (coordinates of some tens of zones, times whose
+    |norm - 1| <= 1e-12 where rounding allows (coordinates of a few tens of zones, times whose
     last place is small against zone / speed), so times are accurate to 1e-6 s wherever the norm
     changes faster than 1e-6 per second.  The clearance ratio is accurate to 1e-9.
 
@@ -176,8 +176,8 @@ def find_conflicts(
 
     Method "sauter-palmer" finds when each coordinate enters and leaves the half-width of the zone, to 1e-9
     radians of n t, with one search between two extremes of natural motion, or two peaks with thrust.
-    A drifting coordinate peaks beside the extreme of its oscillation, and thrust can turn it twice in the
-    quarter of a period in which peaks are sought. What happens between goes unseen: a short conflict is
+    A drifting coordinate peaks near the extreme of its oscillation, and thrust can turn it twice in the
+    quarter of a period in which peaks are sought. Events between them are not detected: a short conflict is
     missed, and one that is left for a short time goes on; `ratio`, the minimum of samples, may then exceed 1.
 
     References

@@ -88,7 +88,9 @@ def running_engines(engine: Any, paths: Path, field: Field, thrusters: Sequence[
     """
     count, given = len(paths), np.asarray(engine)
     if given.dtype != bool or given.shape not in ((), (count,)):
-        raise ValueError(f"engine: True or False, or one for each of {count} craft, got {shown(engine)}")
+        raise ValueError(
+            f"engine: expected True or False, or one for each of {count} craft, got {shown(engine)}"
+        )
     running = np.broadcast_to(given, count).copy()
     for k in np.flatnonzero(~running).tolist():
         if paths[k].delta_v > 0.0 and not _is_natural(paths[k : k + 1], field._of([k])):

@@ -141,7 +141,9 @@ def check(status: int, *done: str) -> str:
     types = core().types
     name = str(types.string(types.cast("cff_status_t", status))).removeprefix("CFF_")
     if name not in ("OK", *done):
-        raise ValueError(f"the flight core refuses this with {name}; docs/on_board.md says what it takes")
+        raise ValueError(
+            f"the flight core rejects this input ({name}); docs/on_board.md lists supported inputs"
+        )
     return name
 
 

@@ -16,7 +16,7 @@ from closeform.motion.path import Path
 
 
 def path_of(path: Path, chief: Any) -> Any:
-    """Return the `cff_path_t *` of a path of one spacecraft beside a chief."""
+    """Return the `cff_path_t *` of a path of one spacecraft about a chief."""
     if path.shape:
         raise ValueError(f"path: the flight core takes one spacecraft at a time, got shape {path.shape}")
     arcs = filled("cff_arc_t[]", path.arcs)
@@ -41,7 +41,7 @@ def coast(orbit: Orbit, state: ArrayLike, duration: float, start: float = 0.0) -
     duration : float [s]
         Duration of the coast.
     start : float [s], default 0
-        Start time, which matters beside an eccentric or J2-perturbed chief.
+        Start time, which matters about an eccentric or J2-perturbed chief.
 
     Returns
     -------

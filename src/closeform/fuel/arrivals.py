@@ -92,7 +92,7 @@ def transfer_cost_table(
     motion, begin = circular_orbit("orbit", orbit), finite("initial", initial, 6)
     places, times = finite("slots", slots, 6), finite("duration", duration)
     if places.ndim != 2 or not len(places):
-        raise ValueError(f"slots: expected shape (S, 6) for one slot at least, got {places.shape}")
+        raise ValueError(f"slots: expected shape (S, 6) for at least one slot, got {places.shape}")
     if begin.ndim != 1 or times.ndim != 1:
         raise ValueError(
             f"initial, duration: expected shapes (6,) and (D,), got {begin.shape} and {times.shape}"

@@ -37,7 +37,7 @@ class Bound(Rows):
         Cost of the impulses of `Orbit.impulsive`.
     primer : Path
         Primer that proves `lower`: `primer.position(t)` is p(t), without unit and at most of length 1
-        (more only within a thrust limit), from departure on.
+        (more only within a thrust limit), from departure onward.
         An impulse of an optimal plan is along p at a time when |p| is 1.
     proven : bool or array of bool of shape (...)
         True if the bounds agree to a relative 1e-9, or to 1e-6 within a thrust limit.

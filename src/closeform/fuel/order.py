@@ -117,8 +117,8 @@ def _fired(chunks: Chunks, path: Path, thrusters: Thrusters, bits: Floats) -> An
     if len(chunks) and not enough.any():
         remedy = "take finer thrusters" if path.impulses else "plan with impulses, or take finer thrusters"
         raise ValueError(
-            f"minimum_bit: {bits.min():g} m/s is above the {chunks.impulse.max():.3g} m/s that the plan asks "
-            f"of a thruster at a time, so nothing would be fired; {remedy}"
+            f"minimum_bit: {bits.min():g} m/s is above {chunks.impulse.max():.3g} m/s, the largest pulse "
+            f"of the plan, so no thruster would fire; {remedy}"
         )
     briefest = CLOCK * (np.abs([path.start, path.end]).max() + path.end - path.start)
     fired = enough & (chunks.impulse >= briefest * thrusters.acceleration[chunks.thruster])
@@ -193,8 +193,9 @@ def _check_strength(chunks: Chunks, thrusters: Thrusters) -> None:
     if len(over) and over.max() > FULL:
         k = int(over.argmax())
         raise ValueError(
-            f"acceleration: at about {chunks.centroid[k]:.6g} s the plan asks thruster {chunks.thruster[k]} "
-            f"for {chunks.peak[k]:.4g} m/s², it gives {has[k]:.4g}; plan with a max_acceleration or more time"
+            f"acceleration: at about {chunks.centroid[k]:.6g} s thruster {chunks.thruster[k]} must provide "
+            f"{chunks.peak[k]:.4g} m/s², above its {has[k]:.4g} m/s²; plan with a "
+            "max_acceleration or more time"
         )
 
 

@@ -54,15 +54,15 @@ def shortest_transfer(
     ------
     ValueError
         If the two states of a spacecraft are equal, which requires no time; no duration of up to 10 orbits
-        keeps the limit (in deep space there always is one); shapes do not fit, a number is not finite, or a
-        limit is not positive.
+        respects the limit (in deep space there always is one); shapes do not fit, a number is not finite, or
+        a limit is not positive.
 
     Notes
     -----
     From rest to rest over a distance L in deep space T is sqrt(6 L / max_acceleration).  In an orbit the
     peak does not fall steadily with T: longer transfers may exceed the limit again.
 
-    Certified: the path keeps the limit to 1e-9, and durations before the start of the scan are
+    Certified: the path respects the limit to 1e-9, and durations before the start of the scan are
     excluded by a bound.  The scan increases T in steps of 2 %, at most 0.05 of n T, and searches
     every dip between its samples; the peak varies on the scales of T and 1/n, many times longer.
 
@@ -110,13 +110,13 @@ def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str
         if values.min() < least:
             least, least_time = float(values.min()), float(chunk[values.argmin()])
     raise ValueError(
-        f"max_acceleration: {craft}{limit:g} m/s^2 is too little for any transfer of up to {reach:.6g} s "
+        f"max_acceleration: {craft}{limit:g} m/s^2 is too low for any transfer of up to {reach:.6g} s "
         f"({REACH:g} orbits); about {least:.3g} m/s^2 is enough in {least_time:.6g} s"
     )
 
 
 def surely_enough(begin: Floats, end: Floats, limit: float) -> float:
-    """Return a duration that keeps the limit in deep space, where |u| <= 6 |L| / T^2 + |p| / T.
+    """Return a duration that respects the limit in deep space, where |u| <= 6 |L| / T^2 + |p| / T.
 
     Thrust is linear in time and so largest at one end: 6 L / T^2 - p / T with L the distance and p = 4 v0 +
     2 v1, or its opposite with p = 2 v0 + 4 v1.
@@ -157,7 +157,7 @@ def _scan(n: float, first: float, last: float) -> Floats:
 
 
 def _first(peak: Peak, low: float, high: float, limit: float) -> float:
-    """Return the first time after `low` at which the peak keeps the limit, also within a dip; nan if none."""
+    """Return the first time after `low` at which the peak respects the limit, even in a dip; or nan."""
     found = nan
     while high - low > FINE * high:
         times = np.linspace(low, high, 33)

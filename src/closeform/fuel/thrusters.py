@@ -77,7 +77,7 @@ class Thrusters:
                 "accelerations"
             )
         if not isinstance(self.frame, str) or self.frame not in ("orbit", "inertial"):
-            raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(self.frame)}")
+            raise ValueError(f"frame: must be 'orbit' or 'inertial', got {shown(self.frame)}")
         object.__setattr__(self, "directions", units)
         object.__setattr__(self, "minimum_bit", self._each("minimum_bit", self.minimum_bit, 0.0))
         if self.acceleration is not None:

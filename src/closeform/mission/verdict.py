@@ -303,7 +303,7 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """True if the run is clear, keeps every limit, has no late stage and meets all other requirements."""
+        """True if the run is clear, respects every limit, has no late stage and meets other requirements."""
         met = all(one.met for one in self.asked) and not (self.strict and self.doubts)
         return self.clear and met and not self.exceeded and not self.late
 

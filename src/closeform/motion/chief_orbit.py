@@ -1,4 +1,4 @@
-"""A reference orbit that is not circular, and the paths that spacecraft can take beside its chief."""
+"""A reference orbit that is not circular, and the paths that spacecraft can take about its chief."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class ChiefOrbit(ReferenceOrbit):
 
     def _refuse(self, feature: str) -> NoReturn:
         raise ValueError(
-            f"orbit: {feature} holds about a circular orbit only, not about {self.chief}; take "
+            f"orbit: {feature} is available about a circular orbit only, not about {self.chief}; use "
             f"Orbit.circular, or {SUPPORTED}"
         )
 
@@ -111,12 +111,14 @@ class ChiefOrbit(ReferenceOrbit):
 
     def _within_limit(self, *_: Any) -> Path:
         raise ValueError(
-            f"max_acceleration: a thrust limit holds for circular orbits only, not for {self.chief}; "
-            "leave it out and compare peak_thrust of the path, or lengthen the transfer"
+            f"max_acceleration: a thrust limit is available about a circular orbit only, "
+            f"not about {self.chief}; omit it and check peak_thrust of the path, or lengthen the transfer"
         )
 
     def _fixed_inertially(self, arcs: Floats) -> Floats:
-        raise ValueError(f"frame: 'orbit' for {self.chief}, not 'inertial'; join short burns that turn")
+        raise ValueError(
+            f"frame: must be 'orbit' about {self.chief}, got 'inertial'; join short burns that turn"
+        )
 
     def _through(self, times: ArrayLike, states: ArrayLike) -> Path:
         instants, points = nodes_of(times, states)
@@ -132,7 +134,7 @@ class ChiefOrbit(ReferenceOrbit):
     def _least_impulses(self, arcs: Floats, finals: Floats, thrusters: Thrusters | None) -> Path:
         if thrusters is not None:
             raise ValueError(
-                f"thrusters: hold for circular orbits only, not for {self.chief}; leave them out"
+                f"thrusters: are available about a circular orbit only, not about {self.chief}; omit them"
             )
         rows = self._departures(arcs)
         plans = [self._fired(row, end, self._least(row, end)) for row, end in zip(rows, finals, strict=True)]
@@ -342,7 +344,7 @@ class ChiefOrbit(ReferenceOrbit):
         missed = np.abs(reached[:, :3] - finals[:, :3]).max(axis=1)
         if (missed > FORGIVEN * scale).any():
             raise ValueError(
-                f"duration: {lengths.min():g} s is too short beside {self.chief}, where rounding would "
+                f"duration: {lengths.min():g} s is too short about {self.chief}: rounding would "
                 f"move the end by {missed.max():.2g} m; lengthen the transfer, or use two_impulse"
             )
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def _single(paths: Any, verb: str) -> list[Path]:
     chosen = sequence("paths", paths, Path)
     if not chosen:
-        raise ValueError(f"paths: nothing to {verb}, give at least one path")
+        raise ValueError(f"paths: nothing to {verb}; give at least one path")
     for path in chosen:
         if path.orbit != chosen[0].orbit:
             raise ValueError(f"paths: all must be in one orbit to {verb} them")

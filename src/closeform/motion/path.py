@@ -278,7 +278,7 @@ class Path(Result):
 
     @property
     def cubic_share(self) -> Any:
-        """Share of the arcs that are cubics through samples, no unit, of the path's shape.
+        """Fraction of the arcs that are cubics through samples, no unit, of the path's shape.
 
         The others are motion in this orbit. The share is 0 in deep space, where natural motion is
         cubic.
@@ -293,7 +293,7 @@ class Path(Result):
         Raises ValueError for a batch: index it first.
         """
         if self.shape:
-            raise ValueError(f"impulses: requires one spacecraft, this path has shape {self.shape}; index it")
+            raise ValueError(f"impulses: requires one spacecraft, got shape {self.shape}; index it")
         jumps = self.arcs[:, IMPULSE : IMPULSE + 3]
         return tuple((float(self.arcs[k, START]), jumps[k].copy()) for k in np.flatnonzero(jumps.any(axis=1)))
 
@@ -331,7 +331,7 @@ class Path(Result):
 
     @cached_property
     def _segments(self) -> tuple[Floats, Any]:
-        """Polynomial segments of all arcs beside a chief that is not on a circle, as `chief.segments`."""
+        """Polynomial segments of all arcs about a chief that is not on a circle, as `chief.segments`."""
         found: tuple[Floats, Any] = cast(Any, self.orbit)._segments(self.arcs, self.offsets)
         return found
 

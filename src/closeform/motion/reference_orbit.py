@@ -85,8 +85,8 @@ class ReferenceOrbit(ABC):
         Returns
         -------
         Path
-            Path of the broadcast shape.  It keeps a limit to 1e-9, and its cost exceeds a lower bound, which
-            is computed with it, by at most a relative 1e-6.
+            Path of the broadcast shape.  It respects a limit to 1e-9, and its cost exceeds a lower bound,
+            which is computed with it, by at most a relative 1e-6.
 
         Raises
         ------
@@ -260,7 +260,7 @@ class ReferenceOrbit(ABC):
         docs/theory.md section 1; docs/motion.md.
         """
         if not isinstance(frame, str) or frame not in ("orbit", "inertial"):
-            raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(frame)}")
+            raise ValueError(f"frame: must be 'orbit' or 'inertial', got {shown(frame)}")
         push = finite("acceleration", acceleration, 3)
         arcs = arcs_from(self._rate, duration, start, state=state, like=push.shape[:-1])
         arcs[..., PUSH : PUSH + 3] = push

@@ -151,7 +151,7 @@ class Sizes:
     ) -> Sizes:
         """Return the task for the arguments of `max_clearance`; raise ValueError naming a bad argument."""
         if len(instance("path", path, Path).shape) > 1:
-            raise ValueError(f"path: of one craft or of shape (N,), got shape {path.shape}; index it")
+            raise ValueError(f"path: requires one craft or shape (N,), got shape {path.shape}; index it")
         others = obstacle_batch(path.orbit, obstacles)
         extra = 0 if others is None else len(others)
         if path.shape:

@@ -96,7 +96,7 @@ class EnergySolver(ImpulseSolver):
         self.least_energy, self.least = problem.energy(problem.direct), MARGINS[0]
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
-        """Return the cheapest clear paths found from a start; None without any well below `bar`."""
+        """Return the lowest-cost clear paths found from a start; None without any well below `bar`."""
         settled = SHARED if self.problem.requirements else SETTLED
         method: Rounds[Spent, Program] = Rounds(
             *(self, lambda turn: GIVEN_UP * bar if turn >= FIRST else inf, ROUNDS, stride),

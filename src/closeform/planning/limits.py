@@ -89,7 +89,7 @@ def stretched(
     attempt: Callable[[float], tuple[Planned, Floats] | None],
     most: float,
 ) -> Stretched[Planned]:
-    """Return the plan with the smallest factor of all durations found to keep the thrust limits.
+    """Return the plan with the smallest factor of all durations found to respect the thrust limits.
 
     `excess` (N,) is the peak thrust of the unlimited plan divided by its limits.  `free` returns the same for
     the direct paths at a factor. `attempt` plans at a factor and returns None if no plan is clear. The factor

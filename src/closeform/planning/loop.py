@@ -12,7 +12,7 @@ convex and is solved exactly.
 A task is a cost with its requirements.  A method is a state machine that leads a task from a start to clear
 paths: `init` begins, `step` does a round, `done` ends the loop of `run`.  There are three:
 
-    Rounds      whole steps from any planes to the cheapest clear paths near them
+    Rounds      whole steps from any planes to the lowest-cost clear paths near them
     Approach    short steps from nearly clear paths to clear ones
     Descent     steps from clear paths to cheaper ones, all of them clear
 
@@ -22,7 +22,7 @@ From a problem to a plan:
 2. `planner.planned` keeps clear paths, or calls `energy_solver.least_energy` or
    `delta_v_search.solve_impulses`.  Where none are found, `violations` names what remains.
 3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `energy_solver`) proposes starts:
-   planes on different sides of the zones.  A method above leads from each start to clear paths; the cheapest
+   planes on different sides of the zones.  A method above leads from each start to clear paths; the best
    are kept.
 4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/delta_v_proof` bound the cost of all clear
    plans.
@@ -111,10 +111,10 @@ class SteppingTask(Task[C, P], Protocol[C, P]):
         """Return the largest displacement of a pair from one candidate to another, in zones."""
 
     def part_way(self, one: C, other: C, share: float) -> C:
-        """Return paths a share of the way from one candidate to another, simplified."""
+        """Return paths a fraction of the way from one candidate to another, simplified."""
 
     def blend(self, one: C, other: C, share: float) -> C:
-        """Return paths a share of the way from one candidate to another, exactly."""
+        """Return paths a fraction of the way from one candidate to another, exactly."""
 
     def arrives(self, candidate: C) -> bool:
         """Return whether paths reach their final states."""
@@ -160,7 +160,7 @@ class Round(NamedTuple, Generic[C, P]):
 
 @dataclass(frozen=True)
 class Rounds(Generic[C, P]):
-    """Whole steps from any planes to the cheapest clear paths near them.
+    """Whole steps from any planes to the lowest-cost clear paths near them.
 
     Paths that are clear stay clear when the planes turn, and their cost decreases.  Programs have the
     `accuracies` of the first rounds, then always the last of these; only then are planes moved out.  With a

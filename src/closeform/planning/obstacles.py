@@ -62,7 +62,7 @@ def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Z
     if not given or not all(isinstance(one, OwnZone) for one in given):
         raise ValueError(f"zone: expected a zone, or one for each obstacle, got {shown(zone)}")
     if len(given) != count:
-        raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
+        raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, got {len(given)}")
     alike: dict[int, list[int]] = {}
     for k, own in enumerate(given):
         alike.setdefault(id(own), []).append(k)

@@ -351,7 +351,7 @@ def changes(request: Request, fallback: Fallback) -> Iterator[tuple[Request, str
 
 
 def within_limits(request: Request, plan: Plan) -> tuple[Request, Plan]:
-    """Return the request and plan with the shortest durations found that keep the thrust limits.
+    """Return the request and plan with the shortest durations found that respect the thrust limits.
 
     The status is TOO_WEAK where no stretch does, or where the request does not allow any.
     """
@@ -410,7 +410,7 @@ def peak_thrusts(plan: Plan) -> Floats:
 
 
 def keeps_limits(request: Request, paths: Path) -> bool:
-    """Return whether paths (N,) keep the thrust limits; impulses exceed any limit."""
+    """Return whether paths (N,) respect the thrust limits; impulses exceed any limit."""
     if request.limits is None:
         return True
     limited = np.isfinite(request.limits)

@@ -227,7 +227,7 @@ class Request:
             limit = numbers("max_acceleration", max_acceleration)
             if limit.shape or not limit > 0.0:
                 raise ValueError(
-                    f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}"
+                    f"max_acceleration: expected one positive number [m/s^2], got {shown(max_acceleration)}"
                 )
             limits = limit.reshape(1) if limit < np.inf else None
         request = cls(

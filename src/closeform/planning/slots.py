@@ -13,7 +13,7 @@ REVISIONS = 12  # maximum number of other assignments planned
 
 
 def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) -> Plan:
-    """Return the cheapest plan found by successive exchanges of slots that could lower the cost."""
+    """Return the lowest-cost plan found by successive exchanges of slots that could lower the cost."""
     costs = request.costs
     seen = {tuple(plan.slots)}
     left = REVISIONS
@@ -36,7 +36,7 @@ def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) ->
 
 
 def exchanges(slots: Any, costs: Floats, bar: float) -> Iterator[Any]:
-    """Yield assignments one exchange away with an unconstrained cost below `bar`, cheapest first."""
+    """Yield assignments one exchange away with an unconstrained cost below `bar`, lowest cost first."""
     count, places = costs.shape
     craft = np.arange(count)
     total = costs[craft, slots].sum()

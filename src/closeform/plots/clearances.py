@@ -108,7 +108,7 @@ def closest_pairs(
     start = min((float(times[0]) for times, _ in sampled), default=0.0)
     end = max((float(times[-1]) for times, _ in sampled), default=0.0)
     if not start < end:
-        raise ValueError("paths: no two craft that have a zone share a time")
+        raise ValueError("paths: no pair of craft with a zone has a common time")
     ticks, curves = units.clock(pairs.paths, start, end), list[Curve]()
     for row, (k, (times, values)) in enumerate(zip(chosen, sampled, strict=True)):
         one, other = (called[craft] for craft in pairs.craft[k])
@@ -370,7 +370,7 @@ def duration(seconds: float) -> str:
 
 
 def passive_safety(found: Sequence[Failed]) -> str:
-    """Return the headline: whether all pairs are passively safe, and the share of unsafe failure times."""
+    """Return the headline: whether all pairs are passively safe, and the fraction of unsafe failure times."""
     worst = min(found, key=lambda one: one.worst.ratio)
     drift = worst.until - worst.path.end
     spans = f"for {duration(drift)} after the end" if np.isfinite(drift) else "without an end"

@@ -164,7 +164,7 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
     planned_paths = path.paths if isinstance(path, Plan) else path
     several = isinstance(path, Plan) and planned_paths is not None
     if whole("craft", craft) >= (count := len(planned_paths) if several and planned_paths is not None else 1):
-        raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
+        raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft}")
     one = one_craft("path", planned_paths[craft] if several and planned_paths is not None else planned_paths)
     contacts = ContactTerms.of(path, craft, one)
     burns, impulses = len(burns_of(one).significant.size), len(one.impulses)
@@ -248,10 +248,10 @@ def mark_impulses(
 
 @picture("the table has no duration")
 def trade(found: TransferCostTable, plan: Path | Sequence[Path] | None = None) -> Figure:
-    """Plot the minimum delta-v against the transfer duration, to the cheapest slot for each duration.
+    """Plot the minimum delta-v against the transfer duration, to the lowest-cost slot for each duration.
 
-    The dashed line is the minimum over all durations. If the cheapest slot changes only a few times, labels
-    name it by its index, from 0.
+    The dashed line is the minimum over all durations. If the lowest-cost slot changes only a few times,
+    labels name it by its index, from 0.
 
     Parameters
     ----------

@@ -399,7 +399,7 @@ def two_ways(
     near = closest_approach(path, obstacle, zone)
     chosen = ways_around(path, obstacle, zone) if ways is None else sequence("ways", ways, Path)
     if len(chosen) > 2:
-        raise ValueError(f"ways: at most 2, got {len(chosen)}")
+        raise ValueError(f"ways: give at most 2, got {len(chosen)}")
     (called,) = short_names([instance("name", name, str)], 1) if name is not None else ("obstacle",)
     other = obstacle.position(near.time)
     stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone)]

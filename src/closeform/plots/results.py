@@ -349,7 +349,7 @@ def _errors(result: Any) -> Figure:
 
 
 def _loaded_study(result: Any) -> Figure:
-    """Plot search times, delta-v of missions, or the share of cases for each outcome of an error study."""
+    """Plot search times, delta-v of missions, or the fraction of cases for each outcome of an error study."""
     if "time_s" in result.cases:
         return plots.histogram(result.cases["time_s"].astype(float), what="cases end")
     if "status" in result.cases:

@@ -36,7 +36,7 @@ FAR = 5.0  # times the largest value: a limit above that is not shown
     source="docs/scenario.md",
 )
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
-    """Plot a histogram of values, and the cumulative share of cases up to each value.
+    """Plot a histogram of values, and the cumulative fraction of cases up to each value.
 
     Dashed lines mark the median and the `tail` quantile. Quantiles interpolate linearly between two cases, as
     in NumPy and in the tables of studies.
@@ -48,12 +48,13 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     what : str
         Name of the quantity with its unit, such as "delta-v [m/s]".
     tail : float, no unit, default 0.95
-        Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
+        Fraction of cases below the second dashed line, between 0 and 1; use 0.05 if small values are
+        critical.
     """
     given = numbers("values", values)
     instance("what", what, str)
     if not 0.0 < (end := number("tail", tail)) < 1.0:
-        raise ValueError(f"tail: a share between 0 and 1, got {end:g}")
+        raise ValueError(f"tail: must be a fraction between 0 and 1, got {end:g}")
     if given.ndim != 1:
         raise ValueError(f"values: expected shape (M,), got {given.shape}")
     found = np.sort(given[~np.isnan(given)])
@@ -94,7 +95,7 @@ def histogram(
     """Plot how many pairs lock in each bin of a search: S04 figure 7.
 
     Pairs that lock at once (time 0) are counted in the headline but not in the bars, as in S04. The count has
-    a logarithmic axis. The curve is the cumulative share of all pairs, on the right axis. Bands are the
+    a logarithmic axis. The curve is the cumulative fraction of all pairs, on the right axis. Bands are the
     phases of the search with their counts, up to the phase of the last lock. Dashed lines are the ends of
     turns.
 
@@ -178,7 +179,7 @@ def sweep(
     what: str,
     names: Sequence[str] = ("",),
 ) -> Figure:
-    """Plot the share of cases against a swept value, with a line for each combination of other values.
+    """Plot the fraction of cases against a swept value, with a line for each combination of other values.
 
     Bands are 95 % confidence intervals.
 
@@ -187,7 +188,7 @@ def sweep(
     values : array_like of shape (P,), no unit
         Swept values, in the unit that `what` states.
     share : array_like of shape (K, P), no unit
-        Share of cases at each point, from 0 to 1; the first 12 lines are drawn.
+        Fraction of cases at each point, from 0 to 1; the first 12 lines are drawn.
     low, high : array_like of shape (K, P), no unit
         Ends of the intervals.
     what : str
@@ -252,7 +253,7 @@ def collision(
     instance("found", found, Probability)
     instance("what", what, str)
     if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
-        raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
+        raise ValueError(f"limit: must be a probability above 0 and at most 1, got {limit:g}")
     if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
         raise ValueError(
             f'found: method "{found.method}" gave no rate of entries; give one of method="entries" above 0'

@@ -71,7 +71,7 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
     single_paths = crafts("paths", paths)
     if not 1 <= len(single_paths) <= len(LINES):
-        raise ValueError(f"paths: from one to {len(LINES)}, got {len(single_paths)}")
+        raise ValueError(f"paths: give one to {len(LINES)}, got {len(single_paths)}")
     labels = texts("labels", labels, len(single_paths), "paths")
     start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
     ticks = units.clock(single_paths[0], start, end)
@@ -155,7 +155,7 @@ def formation_thrust(
     pulsed = np.asarray(on_off)
     if pulsed.dtype != bool or pulsed.shape not in ((), (count,)):
         raise ValueError(
-            f"on_off: expected True, False, or one for each of {count} craft, got {shown(on_off)}"
+            f"on_off: expected True or False, or one for each of {count} craft, got {shown(on_off)}"
         )
     pulsed = np.broadcast_to(pulsed, count)
     peaks, most = np.array([path.peak_thrust for path in single_paths]) * kilograms, most * kilograms
@@ -235,7 +235,9 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     firing = paths if isinstance(paths, ThrusterFiring) else None
     single_paths = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
     if len(single_paths) > MOST_ROWS:
-        raise ValueError(f"paths: up to {MOST_ROWS}, got {len(single_paths)}; show some of them")
+        raise ValueError(
+            f"paths: at most {MOST_ROWS} can be shown, got {len(single_paths)}; select some of them"
+        )
     called, count = short_names(names, len(single_paths)), len(single_paths)
     if firing is not None:
         every = [burns_of_pulses(firing.pulses, k) for k in range(count)]
@@ -321,7 +323,7 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
         instance("name", name, str)
     count = len(firing.thrusters)
     if whole("craft", craft) >= count:
-        raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
+        raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft}")
     plan = firing.planned[craft] if firing.planned.shape else firing.planned
     thrusters = firing.thrusters[craft]
     fired = firing.pulses[firing.pulses.craft == craft]

@@ -365,7 +365,7 @@ def by_detection(campaign: Campaign) -> dict[str, dict[str, int]]:
 
 
 def violated(campaign: Campaign) -> dict[str, tuple[Estimate, int]]:
-    """Return the share of gatherings with conflicts, and the pairs, by whether the two shared a set."""
+    """Return the fraction of gatherings with conflicts, and the pairs, by whether the two shared a set."""
     if not isinstance(campaign, GatherCampaign) or not campaign.scenario.zones.pairs:
         return {}
     words = {"met_unknown": "before they shared a set", "met_known": "only after"}

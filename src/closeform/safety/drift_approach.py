@@ -64,9 +64,9 @@ class DriftApproach(Rows):
     failing : str or array of str of shape (...)
         Which spacecraft fails in the worst case: "path", "other" or "both".
     lower : float or array of shape (...), no unit
-        Lower bound on the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower if
-        the search reached its maximum number of cells, as with several missed burns of both spacecraft. It is
-        -inf if unlimited drift may lead ever deeper into half-spaces.  Use this bound to judge safety.
+        Lower bound on the norm after any failure: 1e-9 below the ratio, or that fraction of it.  It is lower
+        if the search reached its maximum number of cells, as with several missed burns of both spacecraft. It
+        is -inf if unlimited drift may lead ever deeper into half-spaces.  Use this bound to judge safety.
     """
 
     _columns: ClassVar = {
@@ -169,12 +169,12 @@ def _checked_beside_chief(
     chief = path.orbit.chief  # type: ignore[attr-defined]
     if not isinstance(failure, ThrustLost) or failing == "both":
         raise ValueError(
-            f"failure, failing: only ThrustLost of one spacecraft is judged about {chief}; failures with "
-            "several unknowns are searched about a circular orbit"
+            f"failure, failing: only ThrustLost of one spacecraft is supported about {chief}; failures with "
+            "several unknowns require a circular orbit"
         )
     if not np.isfinite(number("until", until)):
         raise ValueError(
-            f"until: must be finite about {chief}; only drifts about a circular orbit are proven for ever"
+            f"until: must be finite about {chief}; an infinite horizon requires a circular orbit"
         )
     return _checked(path, other, zone, until, failure, failing)
 
@@ -325,7 +325,7 @@ def drift_approach(
     DriftApproach
         Floats for two spacecraft, arrays for batches. No failure at any instant leads below `lower`
         during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
-        or to that share of itself where it is above 1, unless failures with many unknowns need more
+        or to that fraction of itself where it is above 1, unless failures with many unknowns need more
         cells than are searched; then the minimum lies between `lower` and `ratio`.  About a chief that is
         not on a circle `lower` is mostly 0.1 % below the ratio; where it is lower, the minimum lies between.
 

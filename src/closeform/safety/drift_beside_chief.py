@@ -1,7 +1,7 @@
 """Passive safety about any chief: certified clearance of all drifts after a loss of thrust.
 
 A drift after a failure at angle s is natural motion.  Taken back to the beginning of the window of s, its
-state is a polynomial y of s (`returns` of the table), or a linear function of the share of an impulse that
+state is a polynomial y of s (`returns` of the table), or a linear function of the fraction of an impulse that
 was still fired.  In a later window its position is a polynomial of the window's variable u as well, so that
 the relative position is a tensor of 12 x 12 control points, in the hull of which it stays:
 

@@ -4,10 +4,10 @@ A cell is a row of floats: the time from which it is still to be searched, and f
 of `path`, then that of `other`) a piece of its path and a low and a high end of each of its
 parameters.  A piece is an arc (2 i) or the impulse at its start (2 i + 1).  The parameters are
 
-    LOST     the time of the loss of thrust [s]; for an impulse the share of it that was given
-    DEGRADED     the same, and the share of thrust that remains from then on
+    LOST     the time of the loss of thrust [s]; for an impulse the fraction of it that was given
+    DEGRADED     the same, and the fraction of thrust that remains from then on
     STUCK    the same, and the duration for which thrust is stuck on [s]
-    MISSED   the share of each burn that is given
+    MISSED   the fraction of each burn that is given
 
 Motions of the first three are natural: rows of arcs without thrust, from their own times on.
 """

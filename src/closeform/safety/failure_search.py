@@ -132,7 +132,7 @@ def calm_from(side, n):
 def march_drift(one, two, cell, calm, end, n, form, shadow, scale, target, best, rest, room):
     """Do what `march` does to the end of a drift; a long drift ends after one orbit if the shadow is clear.
 
-    Both sides are without thrust from `calm` on. In the shadow natural motion is periodic, theory (49).
+    Both sides are without thrust from `calm` onward. In the shadow natural motion is periodic, theory (49).
     """
     if is_shadow(shadow) and n * (end - max(calm, cell[FROM])) > LONG:
         if cell[FROM] < calm:
@@ -280,9 +280,9 @@ def store_result(one, two, ratio, when, known, end, n, form, floor, room, result
 def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, shadow, floor, room, out):
     """Fill `out` with time and ratio of each pair's worst failure, and its columns (see `failure_cells`).
 
-    The ratio is `certain` to that share of itself, or of 1, or less accurate if that takes too many cells: no
-    failure leads below LOWER. If `most` is MEETS, pairs that stay out of the zone have inf, and 1 without a
-    time where undecided; if `certain` is 0 the first failure that meets the zone suffices. A pair without a
+    The ratio is `certain` to that fraction of itself, or of 1, or less accurate if that takes too many cells:
+    no failure leads below LOWER. If `most` is MEETS, pairs that stay out of the zone have inf, and 1 without
+    a time where undecided; if `certain` is 0 the first failure that meets the zone suffices. A pair without a
     common time has nan and inf; one that needs more space has -inf, and the number of its cells as a time.
     `shadow` is that of the zone along the track, and `floor` a lower bound on all norms.
     """

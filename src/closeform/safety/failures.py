@@ -35,7 +35,7 @@ class MissedBurns:
     Parameters
     ----------
     least : float, no unit, default 0
-        Minimum share of each burn, from 0 on, below 1.
+        Minimum fraction of each burn, at least 0 and below 1.
 
     Raises
     ------
@@ -55,14 +55,14 @@ class MissedBurns:
 
 @dataclass(frozen=True)
 class DegradedThrust:
-    """Degraded thrust: from any instant on, all thrust is the same share of the planned thrust.
+    """Degraded thrust: from any instant on, all thrust is the same fraction of the planned thrust.
 
     The share is any from `least` up to 1, and the plan is executed open loop, impulses included.
 
     Parameters
     ----------
     least : float, no unit, default 0
-        Minimum share that remains, from 0 on, below 1; 0 includes `ThrustLost`.
+        Minimum fraction that remains, at least 0 and below 1; 0 includes `ThrustLost`.
 
     Raises
     ------
@@ -122,5 +122,5 @@ Failure = ThrustLost | MissedBurns | DegradedThrust | StuckOnThrust
 def _share(name: str, value: ArrayLike) -> float:
     share = number(name, value)
     if not 0.0 <= share < 1.0:
-        raise ValueError(f"{name}: must be a share of thrust from 0 on, below 1, got {share:g}")
+        raise ValueError(f"{name}: must be a fraction of the thrust, at least 0 and below 1, got {share:g}")
     return share

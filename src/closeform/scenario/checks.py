@@ -138,7 +138,7 @@ def follow_errors(scenario: Scenario, number: int, stage: Coast) -> Iterator[str
     if stage.follow and scenario.orbit.field is not None:
         yield f"{key}: cannot be combined with orbit.field; remove one of them"
     if stage.follow and scenario.study is not None and scenario.study.draws != "errors":
-        yield f'{key}: a study moves the craft off their files; write draws = "errors", or remove follow'
+        yield f'{key}: a study displaces the craft from their files; write draws = "errors", or remove follow'
 
 
 def missing_engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
@@ -491,15 +491,15 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
 def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield each reason why a simulation cannot replan, with the remedy."""
     if len(scenario.stages) > 1:
-        yield f"replan supports one stage, and there are {len(scenario.stages)}", "one stage"
+        yield f"replan supports one stage only, but there are {len(scenario.stages)}", "one stage"
     if any(scenario.plans_impulses(stage) for stage in scenario.stages):
         yield (
-            "replan supports continuous thrust only, and impulses are planned",
+            "replan supports continuous thrust only, but impulses are planned",
             'cost = "energy" in the stage',
         )
     law = scenario.feedback
     if law is not None and law.impulses:
-        yield "replan supports continuous thrust only, and feedback has impulses", "no impulses in [feedback]"
+        yield "replan supports continuous thrust only, but feedback has impulses", "no impulses in [feedback]"
     if law is not None and law.delay:
         yield "replan supports no delay", "no delay in [feedback]"
 

@@ -363,7 +363,7 @@ def as_silence(value: Any) -> bool | Intervals:
         found = []
     if not found or any(begin >= end for begin, end in found):
         example = 'write for example "10 min to 20 min, 1 h to end"'
-        raise ValueError(f"{shown(value)} is neither true, false nor intervals that rise; {example}")
+        raise ValueError(f"{shown(value)} is not true, false or a list of increasing intervals; {example}")
     return tuple(found)
 
 
@@ -431,7 +431,7 @@ class Craft(Engine):
         (0.0, 0.0, 0.0),
     )
     slew_rate_error: Annotated[float, Reader(SHARE)] = setting(
-        '"0.1 %"', "share by which all turns are too fast", 0.0
+        '"0.1 %"', "fraction by which all turns are too fast", 0.0
     )
     start_offset: Annotated[float, Reader(TIME)] = setting('"2 s"', "delay of the spacecraft's search", 0.0)
     slew_acceleration: Annotated[float, Reader(TURNING, least="positive")] | None = setting(

@@ -41,13 +41,13 @@ class Shape(Table):
 
     @property
     def phase_angle(self) -> float | None:
-        """Phase of the first craft [rad]; None for the cheapest, or for a formation without phases."""
+        """Phase of the first craft [rad]; None if it is that of lowest cost, or without phases."""
         found: float | None = getattr(self, self.phased) if self.phased is not None else None
         return found
 
     @property
     def is_open(self) -> bool:
-        """True if the phase is the cheapest and not yet determined."""
+        """True if the phase is that of lowest cost and not yet determined."""
         return self.phased is not None and self.phase_angle is None
 
     def at_phase(self, phase: float) -> Self:
@@ -267,7 +267,7 @@ class Destination(Target, Formation):
 
     @property
     def is_open(self) -> bool:
-        """True if the phase is the cheapest and not yet determined."""
+        """True if the phase is that of lowest cost and not yet determined."""
         return self.shape is not None and self.shape.is_open
 
     def at_phase(self, phase: float) -> Self:

@@ -40,7 +40,7 @@ class Inputs:
             reason = (error.strerror or "cannot be read").lower()
             raise ValueError(f"{self.folder / name}: {reason}; check the path") from None
         except ValueError:  # a null byte
-            raise ValueError(f"{shown(name)}: no name of a file; check the path") from None
+            raise ValueError(f"{shown(name)}: not a file name; check the path") from None
         return place
 
     @property

@@ -309,7 +309,7 @@ class OrbitTable(Table):
     )
     model: Model = setting(
         '"kepler"',
-        "equations of relative motion: those of Hill for a circle, those beside a chief on an ellipse, or "
+        "equations of relative motion: those of Hill for a circle, those about a chief on an ellipse, or "
         "with J2 of the Earth too; `kepler` and `j2` need `chief`",
         "hill",
     )
@@ -367,7 +367,7 @@ class OrbitTable(Table):
 
 
 def beside(chief: "Chief", model: Model, radius: float, stages: Sequence[Any]) -> ChiefOrbit:
-    """Return the motion beside a chief in a `model`; raise ValueError for a chief that it does not suit."""
+    """Return the motion about a chief in a `model`; raise ValueError for a chief that it does not suit."""
     a, u, ex, ey, inclination, _ = chief.elements.tolist()
     e, perigee = hypot(ex, ey), atan2(ey, ex)
     anomaly = float(eccentric_latitude(u, ex, ey)) - perigee

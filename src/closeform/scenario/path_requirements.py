@@ -112,7 +112,7 @@ class Exhaust(PathRequirement):
 
     kind = "Plume"
     half_angle: Cone = setting('"20 deg"', "angle between axis and edge of the exhaust", ...)
-    range: Length = setting('"50 m"', "distance from which on the exhaust does no harm", ...)
+    range: Length = setting('"50 m"', "distance beyond which the exhaust does no harm", ...)
 
 
 class Exclusion(PathRequirement):

@@ -143,7 +143,7 @@ class Thrusting(Engine, Drifting):
     )
     least: Annotated[float, Reader(SHARE, least="zero", below="100 %")] | None = setting(
         '"90 %"',
-        "minimum share of the planned thrust that missed burns or weak thrust give; by default 0 %",
+        "minimum fraction of the planned thrust that missed burns or weak thrust give; by default 0 %",
         only_if={"failure": ("burns missed", "thrust weak")},
     )
     longest: Span | None = setting(

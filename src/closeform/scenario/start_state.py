@@ -113,7 +113,7 @@ def known(chief: Chief | None) -> Chief:
     """Return the chief; raise ValueError, with a remedy, if there is none."""
     if chief is None:
         remedy = 'add epoch = "2026-11-22T12:00:00Z" and chief = { oem = "chief.oem" } to [orbit]'
-        raise ValueError(f"an inertial state requires the chief's too; {remedy}")
+        raise ValueError(f"an inertial state requires the inertial state of the chief; {remedy}")
     return chief
 
 

@@ -88,7 +88,7 @@ class Search(Result):
             enough = ceil(1e4 * degrees(least_half_angle(limit))) / 1e4
             raise ValueError(
                 f"sun_limit: a half-angle of {degrees(sensor.half_angle):g} deg requires tips of "
-                f"{degrees(tip):.3f} deg, the limit is {degrees(limit):g} deg; "
+                f"{degrees(tip):.3f} deg, above the limit of {degrees(limit):g} deg; "
                 f"a half-angle of {enough:.4f} deg is sufficient"
             )
         tips = [1, -2, "sun", 2, "sun", -2, 1]
@@ -340,7 +340,7 @@ class Search(Result):
         return axis, angle, angle / self.slew_rate
 
     def coverage(self, phase: str | None = None) -> float:
-        """Return the share of the sky that one craft's cone sweeps, for distant fixed directions.
+        """Return the fraction of the sky that one craft's cone sweeps, for distant fixed directions.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Share of the sky that the cone of a sensor sweeps during a search."""
+"""Fraction of the sky that the cone of a sensor sweeps during a search."""
 
 from collections.abc import Sequence
 from math import pi
@@ -10,7 +10,7 @@ from closeform.search.leg import Leg, greatest
 
 
 def covered_share(legs: Sequence[Leg], cosine: float) -> float:
-    """Return the share of all directions that come within the cone in any leg.
+    """Return the fraction of all directions that come within the cone in any leg.
 
     Along each meridian the largest cosine to the boresight is sampled at equal steps of height, which are
     equal areas. Its crossings of the cone are interpolated.

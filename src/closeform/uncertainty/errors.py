@@ -238,7 +238,7 @@ class Uncertainty:
         return out.reshape(*times.shape, 6, 6)
 
     def _roots(self, path: Path, times: Floats) -> Floats:
-        """Return roots (T, 6, K) of the covariances beside a chief, of one column for each error."""
+        """Return roots (T, 6, K) of the covariances about a chief, of one column for each error."""
         roots = columns_of(path, self)._evaluate_rows(times[None]).transpose(1, 2, 0)
         if not self.noise:
             return roots
@@ -339,7 +339,7 @@ def one_state(name: str, value: ArrayLike) -> Floats:
 
 
 def beside_chief(path: Path, errors: list[Uncertainty | None]) -> list[Uncertainty | None]:
-    """Return errors that a search of k sigmas beside a chief can take; raise ValueError for noise."""
+    """Return errors that a search of k sigmas about a chief can take; raise ValueError for noise."""
     for one in errors:
         if one is not None and one.noise:
             raise ValueError(

@@ -57,7 +57,7 @@ class Probability(Rows):
     mean_entries : float, no unit
         Expected number of entries after the start.
     repeated : float, no unit
-        Share of the samples that enter more than once; nan without samples.
+        Fraction of the samples that enter more than once; nan without samples.
     rate_times : array of shape (K,) [s]
         Times at which the mean rate of entries was evaluated; empty otherwise.
     rates : array of shape (K,) [1/s]
@@ -253,7 +253,7 @@ def _with_quadrature_error(
 
 
 def _monte_carlo(sampled: SampledTrajectories, samples: int, seed: int) -> Probability:
-    """Return the probability as the share of samples that are ever inside."""
+    """Return the probability as the fraction of samples that are ever inside."""
     began, met, entries, again, least, most = sampled.sample(samples, seed)
     low, high = clopper_pearson(least, samples)[0], clopper_pearson(most, samples)[1]
     return Probability(

@@ -1,4 +1,4 @@
-"""Relative motion of two craft beside a chief, with its error columns, as polynomials in common windows.
+"""Relative motion of two craft about a chief, with its error columns, as polynomials in common windows.
 
 In each window of the chief's table the position of a path is a polynomial of the window's variable.  Windows
 are cut here wherever a window of the table, an arc of a path or one of a column begins, so that in each of

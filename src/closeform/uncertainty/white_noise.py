@@ -102,7 +102,7 @@ def end_changes(n: float, step: float) -> Floats:
 
 
 def instants_until(times: Floats, step: float) -> Any:
-    """Return the number of instants, from 0 on, up to and including some times [s]."""
+    """Return the number of instants, from 0 onward, up to and including some times [s]."""
     return np.floor(times / step + SAME).astype(np.int64) + 1
 
 

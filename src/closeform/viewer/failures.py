@@ -99,7 +99,7 @@ def onward(result: StageResult[Any, Any], craft: int, until: float) -> Path:
 
 
 def lost_state(result: StageResult[Any, Any], pair: "PairDrift") -> Floats:
-    """Return the state (6,) at loss of thrust; during an impulse, after the worst share of it."""
+    """Return the state (6,) at loss of thrust; during an impulse, after the worst fraction of it."""
     path = result.after.path(pair.fails)
     state = path.state(min(pair.failed_at, path.end))
     at: Any = np.flatnonzero(path.arcs[:, START] == pair.failed_at)

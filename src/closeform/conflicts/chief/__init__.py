@@ -1,1 +1,1 @@
-"""Certified search of pairs beside any chief: signs of polynomials in the windows of its table."""
+"""Certified search of pairs about any chief: signs of polynomials in the windows of its table."""

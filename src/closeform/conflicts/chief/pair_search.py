@@ -1,4 +1,4 @@
-"""Certified search of pairs beside any chief, window by window of its table.
+"""Certified search of pairs about any chief, window by window of its table.
 
 Two segments in one window differ by one polynomial (see `motion.chief.segments`), whose signs decide
 (`sign_changes`).  Angles of the table's clock stand for times until a conflict is complete.

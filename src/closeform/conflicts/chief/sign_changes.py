@@ -110,7 +110,7 @@ def height(shape, faces, part, c, off, u):
 
 @kernel()
 def root(shape, faces, part, c, off, low, high, first, rising):
-    """Return the only root of a part in [low, high], by Newton's method in a bracket from `first` on.
+    """Return the only root of a part in [low, high], by Newton's method in a bracket from `first` onward.
 
     It ends where steps no longer become shorter: there they are rounding.
     """

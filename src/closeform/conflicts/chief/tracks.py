@@ -1,4 +1,4 @@
-"""Tracks beside a chief: bounds on the positions of a batch at common angles (see `quick_rejection`)."""
+"""Tracks about a chief: bounds on the positions of a batch at common angles (see `quick_rejection`)."""
 
 from collections.abc import Sequence
 from math import pi, sqrt

@@ -62,7 +62,9 @@ class Feedback:
             raise ValueError("impulses: one impulse cannot bring a state to zero; give two or more, or 0")
         object.__setattr__(self, "delay", checked("delay", number("delay", self.delay)))
         if not 0.0 <= self.delay <= self.every:
-            raise ValueError(f"delay: 0 s to the {self.every:g} s between measurements, got {self.delay:g} s")
+            raise ValueError(
+                f"delay: must be from 0 s to the {self.every:g} s between measurements, got {self.delay:g} s"
+            )
         if self.delay > 0.0 and self.impulses:
             raise ValueError("delay: requires continuous thrust; remove it, or give 0 impulses")
 
@@ -105,7 +107,7 @@ class Navigation:
             object.__setattr__(self, name, float(nonnegative(name, number(name, getattr(self, name)))))
 
     def _kept(self, seconds: float) -> float:
-        """Return the share of a random error that remains after some time."""
+        """Return the fraction of a random error that remains after some time."""
         return float(np.exp(-seconds / self.correlation)) if self.correlation > 0.0 else 0.0
 
 

@@ -102,7 +102,7 @@ class Field:
         follows that instead.
     zonals : int or sequence of float, no unit, default 2
         Maximum degree of the Earth's zonals: 0 for a point mass, 2 to 6 for J2 to J6. Or the zonals of
-        another body, from J2 on.
+        another body, from J2 onward.
     drag : Drag, optional
         Atmosphere and ballistic coefficients. Default: no drag.
     radius : float [m], default 6378136.3
@@ -447,7 +447,7 @@ def zonals_of(given: Any) -> tuple[float, ...]:
             raise ValueError(f"zonals: expected 0, or a degree from 2 to {DEGREES + 1}, got {given}")
         return (EARTH_ZONALS[: max(given - 1, 0)] + none)[:DEGREES]
     if isinstance(given, (str, bytes)) or not np.iterable(given):
-        raise ValueError(f"zonals: expected a degree, or a sequence from J2 on, got {shown(given)}")
+        raise ValueError(f"zonals: expected a degree, or a sequence that starts with J2, got {shown(given)}")
     own = tuple(number("zonals", one) for one in given)
     if len(own) > DEGREES or not np.isfinite(own).all():
         raise ValueError(

@@ -183,7 +183,7 @@ class TimeGrid(NamedTuple):
         """Return a grid with steps of at most `longest` [s], some of which end at given times.
 
         These are the times of planned `impulses`, thrust discontinuities (`edges`), and required `outputs`.
-        Measurements are at equal intervals of at most the law's, from the start on.
+        Measurements are at equal intervals of at most the law's, from the start onward.
         """
         start, end = span
         impulses = np.unique(impulses)
@@ -350,7 +350,7 @@ class ThrusterStages(NamedTuple):
         return [one for one in self.sets if one is not None]
 
     def at(self, times: Floats) -> Any:
-        """Return the index of the set (T,) that is used from given times on."""
+        """Return the index of the set (T,) that is used from given times onward."""
         return np.searchsorted(self.starts, times + SAME) - 1
 
     def pieces(self, path: Path) -> Iterator[tuple[Path, Thrusters | None]]:
@@ -398,7 +398,7 @@ class ThrusterModel(NamedTuple):
         return cls(rows, facets, np.array([own.frame == "inertial" for own, _ in every]), stages, pulses)
 
     def used(self, times: Floats) -> Any:
-        """Return the row of the set (T,) that is used from given times on, -1 for free thrust."""
+        """Return the row of the set (T,) that is used from given times onward, -1 for free thrust."""
         real = np.array([own is not None for own in self.stages.sets])
         return np.where(real, np.cumsum(real) - 1, -1)[self.stages.at(times)]
 

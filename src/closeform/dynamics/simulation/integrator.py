@@ -228,7 +228,7 @@ def fire_impulses(steps, lanes, node, events, impulses, here):
 
 @kernel(inline=True)
 def facet_share(facet, k, x, y, z):
-    """Return the share of thruster `k` of a facet in a thrust vector."""
+    """Return the fraction of thruster `k` of a facet in a thrust vector."""
     return x * facet[INVERSE + k] + y * facet[INVERSE + 3 + k] + z * facet[INVERSE + 6 + k]
 
 
@@ -364,7 +364,7 @@ def integrate_step(constants, steps, step, lanes):
 
 @kernel()
 def load_lanes(steps, first, begin, errors, lanes):
-    """Fill lanes with rows from `first` on; repeat the last row if there are fewer."""
+    """Fill lanes with rows from `first` onward; repeat the last row if there are fewer."""
     there = stack_vector(6)
     for m in range(LANES):
         row = min(first + m, len(begin) - 1)

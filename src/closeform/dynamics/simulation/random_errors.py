@@ -135,7 +135,7 @@ def process_noise(
 ) -> tuple[Floats, Floats]:
     """Return the noise on the initial velocity (3,), and the increments of states in steps (K, 6).
 
-    The noise of a simulation is one random motion from its start on, made of velocity changes every 8 s. It
+    The noise of a simulation is one random motion from its start, made of velocity changes every 8 s. It
     does not depend on steps, legs or measurements. The `density` is in m^2/s^3, the mean motion in rad/s,
     `times` (K + 1,) in s since the start. `normal` draws rows of six numbers for a level.
     """

@@ -87,7 +87,7 @@ def simulate(
         Bounds on each spacecraft's relative thrust error and on its direction error. They are uniformly
         distributed and constant through a simulation.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        Thrust limit; `limited` reports the share of time at the limit. Cannot be combined with impulses or
+        Thrust limit; `limited` reports the fraction of time at the limit. Cannot be combined with impulses or
         thrusters.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.

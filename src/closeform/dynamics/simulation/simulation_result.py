@@ -39,7 +39,7 @@ class Simulation(Rows):
     field_delta_v : array of shape (N,) [m/s]
         Additional delta-v to compensate the model error; negative where it helps, 0 without `cancel`.
     limited : array of shape (S, N), no unit
-        Share of time in which the command of each spacecraft exceeds `max_acceleration`, or its feedback
+        Fraction of time in which the command of each spacecraft exceeds `max_acceleration`, or its feedback
         exceeds the capability of its thrusters.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
@@ -50,7 +50,7 @@ class Simulation(Rows):
     replans : array of int of shape (S,)
         Number of new plans executed.
     refused : tuple of (int, float [s], str)
-        Failed replans: seed, time, and reason with the share of the margin.
+        Failed replans: seed, time, and reason with the fraction of the margin.
     firing : ThrusterFiring or None
         Planned firing of spacecraft with thrusters; None without.
     pulses : tuple of Pulses
@@ -150,7 +150,7 @@ class Simulation(Rows):
 
     @property
     def violated(self) -> float:
-        """Share of simulations in which a zone is entered, no unit."""
+        """Fraction of simulations in which a zone is entered, no unit."""
         return float((self.ratios < 1.0).any(axis=1).mean())
 
     @property

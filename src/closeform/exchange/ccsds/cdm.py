@@ -184,7 +184,7 @@ def _parts(entries: Sequence[Entry]) -> list[list[Entry]]:
         elif not entry.keyword.startswith(("META_", "COVARIANCE_ST")):  # blocks of XML
             parts[-1].append(entry)
     if len(parts) != 3:
-        raise ValueError(f"not a complete CDM, has {len(parts) - 1} of 2 objects; {CORRECT}")
+        raise ValueError(f"incomplete CDM: has {len(parts) - 1} of 2 objects; {CORRECT}")
     return parts
 
 

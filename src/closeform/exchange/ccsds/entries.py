@@ -114,7 +114,7 @@ def of_xml(text: str, kind: str) -> list[Entry]:
     try:
         parser.Parse(text.lstrip(), True)
     except ExpatError as error:
-        raise ValueError(f"line {error.lineno}: not a complete {kind} in XML; {CORRECT}") from None
+        raise ValueError(f"line {error.lineno}: incomplete {kind} in XML; {CORRECT}") from None
     return entries
 
 

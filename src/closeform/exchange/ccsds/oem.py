@@ -93,7 +93,7 @@ def read_oem_segments(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
                 mine, last = getattr(other, field), getattr(one, field)
                 if mine != last:
                     raise ValueError(
-                        f"segment {number}: is of {mine}, the previous one of {last}; give two files"
+                        f"segment {number}: is of {mine}, but the previous one is of {last}; give two files"
                     )
             begins = seconds_of([one.epoch, other.epoch], one.time_system)[1]
             if begins < one.times[-1] - SAME_EPOCH:

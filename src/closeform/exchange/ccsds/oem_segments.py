@@ -66,9 +66,9 @@ def segments_of(entries: Sequence[Entry]) -> list[Segment]:
         else:
             segments[-1].states.append(entry)
     if inside:
-        raise ValueError(f"not a complete OEM, {inside}_STOP is missing; {CORRECT}")
+        raise ValueError(f"incomplete OEM: {inside}_STOP is missing; {CORRECT}")
     if not segments:
-        raise ValueError(f"not a complete OEM, has 0 segments; {CORRECT}")
+        raise ValueError(f"incomplete OEM: has no segment; {CORRECT}")
     return segments
 
 

@@ -147,7 +147,7 @@ def _numbers(
     """Return each quantity (R,) in SI units."""
     for row, line in zip(rows, lines, strict=True):
         if len(row) != count:
-            raise ValueError(f"line {line}: has {len(row)} cells, the columns are {count}; correct the row")
+            raise ValueError(f"line {line}: has {len(row)} cells for {count} columns; correct the row")
     found = {}
     for quantity, (place, size) in columns.items():
         try:

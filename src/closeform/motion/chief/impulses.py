@@ -259,7 +259,7 @@ def window_maxima(w, floor, rises, work, places, squares, count):
 
 @kernel()
 def maxima(scene, y, places, squares):
-    """Fill in the local maxima of |p|^2 from TOUCHING^2 on; return how many, and a bound over all times."""
+    """Fill in the local maxima of |p|^2 above TOUCHING^2; return how many, and a bound over all times."""
     rows, _, c, stack, ends, slopes = scene
     work = stack, ends, slopes
     floor, count = TOUCHING * TOUCHING, 0

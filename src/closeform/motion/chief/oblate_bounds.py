@@ -45,7 +45,7 @@ def largest(coefficients: Floats) -> Floats:
 
 
 def remainder(bounds: Floats) -> Floats:
-    """Return what an interpolant leaves out (K,) of a function with these bounds (K, P) in the ellipses."""
+    """Return the remainder (K,) of an interpolant of a function with these bounds (K, P) in the ellipses."""
     found = np.nan_to_num(SHARE * bounds, nan=np.inf, posinf=np.inf)
     return np.asarray(found.min(axis=1))
 

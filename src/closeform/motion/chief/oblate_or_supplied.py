@@ -64,8 +64,8 @@ def accurate(table: Table, wanted: float) -> bool:
 class OblateChief:
     """Chief about an oblate body: its state at time 0 is given in a frame whose third axis is the pole.
 
-    `state` (6,) [m, m/s], `mu` [m^3/s^2], `j2` and `radius` [m] of the body, `span` of times [s] from 0 on,
-    and the chief on the ellipse that osculates at time 0, whose clock the table has.
+    `state` (6,) [m, m/s], `mu` [m^3/s^2], `j2` and `radius` [m] of the body, `span` of times [s] from 0
+    onward, and the chief on the ellipse that osculates at time 0, whose clock the table has.
     """
 
     state: tuple[float, ...]

@@ -45,7 +45,7 @@ Flow = Callable[[Floats], tuple[Floats, Floats]]
 
 
 class Table(NamedTuple):
-    """Windows of a chief as arrays, shared by all paths beside it.
+    """Windows of a chief as arrays, shared by all paths about it.
 
     Attributes
     ----------

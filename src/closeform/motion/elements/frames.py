@@ -196,7 +196,7 @@ def _roll(axes: Floats, distance: Any, turn: Any, acceleration: ArrayLike | None
 def _circle(along_track: str, radius: ArrayLike | None, distance: Any, climb: Any) -> tuple[Any, Any]:
     """Return the radius [m] on which arcs are measured, and its rate [m/s]."""
     if not isinstance(along_track, str) or along_track not in ("straight", "arc"):
-        raise ValueError(f'along_track: "straight" or "arc", got {shown(along_track)}')
+        raise ValueError(f'along_track: must be "straight" or "arc", got {shown(along_track)}')
     if radius is None:
         return distance, climb
     if along_track == "straight":

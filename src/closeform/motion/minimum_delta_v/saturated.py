@@ -3,8 +3,8 @@
 Saturated thrust U p/|p| has no finite basis.  It is approximated by arcs whose thrust has its value and
 rate at both ends: if the thrust turns by an angle d, the error is at most d^4/384 of U, towards the inside of
 the ball of radius U.  The last steps of Newton's method use the change of state that the arcs achieve. A path
-therefore ends in its final state, keeps the limit, and is certified like any other. Its cost is compared with
-the bound of theory (31, 32).
+therefore ends in its final state, respects the limit, and is certified like any other. Its cost is compared
+with the bound of theory (31, 32).
 """
 
 from math import inf, sqrt
@@ -59,8 +59,8 @@ def thrust_and_rate(n, c, t, region, low, e, limit, out):
 def push_along(n, h, first, middle, last, limit, arc):
     """Fit an arc's prescribed thrust to `first` at its start and `last` after h, within the limit.
 
-    Both hold thrust and rate. Returns its deviation from the thrust `middle` at half time, as a share of the
-    limit.
+    Both hold thrust and rate. Returns its deviation from the thrust `middle` at half time, as a fraction of
+    the limit.
     """
     p0, p1, p2 = oscillation(n, h)
     gap = p1 * p1 - p0 * p2
@@ -89,7 +89,7 @@ def push_along(n, h, first, middle, last, limit, arc):
 
 @kernel()
 def store(row, k, x, y, z, vx, vy, vz):
-    """Set six numbers of a row from column k on."""
+    """Set six numbers of a row from column k onward."""
     row[k], row[k + 1], row[k + 2] = x, y, z
     row[k + 3], row[k + 4], row[k + 5] = vx, vy, vz
 

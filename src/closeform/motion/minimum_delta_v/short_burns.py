@@ -105,7 +105,7 @@ def _impulses(n: float, arc: Floats, final: Floats, kept: Floats) -> Impulses:
 def _burns(n: float, duration: float, impulses: Impulses, limit: float, tick: float) -> Burns | None:
     """Return burns about impulses, cut into parts along the primer; None where they do not fit.
 
-    They keep the limit however their starts and ends are rounded to ticks [s].
+    They respect the limit however their starts and ends are rounded to ticks [s].
     """
     sizes = np.linalg.norm(impulses.pushes, axis=1)
     lengths = (1.0 + ROOM) * sizes / limit + 2.0 * tick

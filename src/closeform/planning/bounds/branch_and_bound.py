@@ -121,7 +121,7 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
 
 
 class _Search:
-    """Open nodes of branch and bound, and the cheapest plan so far."""
+    """Open nodes of branch and bound, and the lowest-cost plan so far."""
 
     def __init__(
         self, problem: Problem, samples: Samples, extra: float, free: float, left: float, fixed: bool

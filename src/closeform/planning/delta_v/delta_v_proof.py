@@ -8,7 +8,7 @@ therefore holds for all plans.  The node of smallest bound is opened next:
     its own paths leave a requirement                     ->  the same node with the planes there
     its own paths are inside a zone at one of its times   ->  a node for each half of that piece
     they are in conflict at another time                  ->  a node for each piece at that time
-    neither                                               ->  a clear plan, which may be the cheapest
+    neither                                               ->  a clear plan, perhaps of lowest cost
 
 until no node is left whose bound is below the goal.
 """

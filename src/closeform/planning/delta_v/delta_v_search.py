@@ -185,7 +185,7 @@ def proven(
 ) -> tuple[float, Outcome | None]:
     """Return a lower bound [m/s] on the delta-v of all clear plans, and a cheaper plan if one was found.
 
-    The proof ends at a relative gap, or after some seconds.
+    The proof ends at a relative gap, or after a few seconds.
     """
     solver = ImpulseSolver(problem, thrusters, names)
     proof = DeltaVProof(solver, spent, gap)
@@ -225,7 +225,7 @@ def searched(
     near: Callable[[], Spent | None] | None = None,
     until: float = ROOMY,
 ) -> tuple[Spent | None, list[Contacts]]:
-    """Return the cheapest clear paths found, and the starts that were examined.
+    """Return the lowest-cost clear paths found, and the starts that were examined.
 
     With a loss of thrust the search ends when a share `until` of the effort is used.
     """
@@ -284,7 +284,7 @@ def near_bound(solver: ImpulseSolver, best: Spent | None) -> bool:
 
 
 def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
-    """Return the cheapest safe plan of two impulses with waits; None without one or without `drift`."""
+    """Return the lowest-cost safe plan of two impulses with waits; None without one or without `drift`."""
     if solver.failures is None or solver.limits.any() or solver.pushes.fixed.any():
         return None
     for times, impulses in islice(two_impulse_plans(solver.problem), HOPS):
@@ -306,7 +306,7 @@ def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
 def roomier(
     solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent | None, until: float
 ) -> Spent | None:
-    """Return the cheapest safe paths found with planes farther out, after descent to the zones.
+    """Return the lowest-cost safe paths found with planes farther out, after descent to the zones.
 
     With a loss of thrust, rounds converge to one of many costs, and small changes decide which.  With planes
     farther out, more of them reach safe paths at all.

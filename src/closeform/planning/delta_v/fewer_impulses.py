@@ -20,7 +20,7 @@ class Step(NamedTuple):
 def steps_to_fewer(
     fired: Sequence[Moments], sizes: Sequence[Floats], rates: Floats, most: float
 ) -> list[Step]:
-    """Return the steps of all craft, cheapest first, up to `most` [m/s] each; those of one craft in order.
+    """Return the steps of all craft, lowest cost first, up to `most` [m/s] each; those of one craft in order.
 
     `sizes` are those of the `fired` moments, and `rates` (N,) [rad/s] the rates of each craft's motion.
     """

@@ -170,7 +170,7 @@ class ImpulseSolver:
         return found
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
-        """Return the cheapest clear paths found from a start; None without any well below `bar`."""
+        """Return the lowest-cost clear paths found from a start; None without any well below `bar`."""
         accuracies = fading(WIDEST, FINER, LAST)
 
         def allowed(turn: int) -> float:

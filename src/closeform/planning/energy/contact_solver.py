@@ -4,7 +4,7 @@ A round solves the quadratic program of the known contacts (the zones' supportin
 paths by its forces, and moves every contact to the current closest approach of its paths. A contact that
 moved far also keeps its old time, which damps the rounds.  Once the paths are nearly clear, Newton's method
 solves the conditions of optimality.  A path that slides along a zone has no single contact to converge to;
-its planes are raised by the remaining shortfall.  The cheapest clear solution is always kept.  # theory 4
+its planes are raised by the remaining shortfall.  The lowest-cost clear solution is always kept.  # theory 4
 """
 
 from math import inf
@@ -123,7 +123,7 @@ def solve_multipliers(scene, contacts, count, gram, gaps, lift, give, work):
 
 @kernel()
 def shortfall(found, number):
-    """Return the largest shortfall of the minima below the aim, as a share of it."""
+    """Return the largest shortfall of the minima below the aim, as a fraction of it."""
     short = 0.0
     for row in range(number):
         short = max(short, 1.0 - found[row, 2])
@@ -189,7 +189,7 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
 def solve_local(scene, sides, count, bar, room):
     """Relax the first `count` contacts in `hand` and new ones; return (status, contacts, energy).
 
-    Fills `best` with the contacts of the cheapest clear solution, or for BLOCKED with the last contacts.
+    Fills `best` with the contacts of the lowest-cost clear solution, or for BLOCKED with the last contacts.
     Stops where the energy is well above `bar` when nearly clear.
     """
     best, contacts = lent(room.best), lent(room.hand)

@@ -15,7 +15,7 @@ CUBE_NORMALS = np.concatenate([AXES, *(np.roll(EDGES, k, axis=1) / 2.0 for k in 
 def exit_normals(
     shape: int, faces: Floats, aim: float, position: Floats, velocity: Floats, compliance: Floats
 ) -> list[tuple[float, Floats]]:
-    """Return exits of a zone, (rough cost, outward normal), cheapest first, in zone coordinates.
+    """Return exits of a zone, (rough cost, outward normal), lowest cost first, in zone coordinates.
 
     A cube has exits at six faces and twelve edges, a cylinder at two ends and its side, half-spaces at each
     face.  Exits of a ball, and of a cylinder's side, are along the most compliant axes across the motion,

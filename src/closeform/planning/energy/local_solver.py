@@ -80,7 +80,7 @@ class LocalSolver:
         return self.scene._replace(powers=powers, aims=np.where(edged, self.margin * rounding, self.margin))
 
     def solve(self, start: Contacts, sides: Sides, bar: float = inf, blunt: int = 0) -> Solution:
-        """Return the cheapest certified solution from a start; stop if its energy is well above `bar`.
+        """Return the lowest-cost certified solution from a start; stop if its energy is well above `bar`.
 
         `blunt` selects the rounding with which sides are chosen, where zones have edges.
         """
@@ -108,7 +108,7 @@ class LocalSolver:
         return self.cheapest([last, *holding], bar) or replace(last, clear=False, energy=inf)
 
     def cheapest(self, found: list[Solution], bar: float) -> Solution | None:
-        """Return the cheapest clear solution; those that cost more than `bar` are not certified."""
+        """Return the lowest-cost clear solution; those that cost more than `bar` are not certified."""
         for one in sorted(found, key=lambda one: one.energy):
             last = self.certified(one, bar)
             if last.clear:

@@ -113,7 +113,7 @@ def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
 def _deviation(
     leg: Path, which: int, time: float, at: float, problem: Problem
 ) -> tuple[Path, Contact] | None:
-    """Return the cheapest pair of legs through a deviation point at time `at` that clears one obstacle.
+    """Return the lowest-cost pair of legs through a deviation point at time `at` that clears one obstacle.
 
     The size of the deviation is that which the closest approach at `time` requires.
     """

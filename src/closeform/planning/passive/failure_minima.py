@@ -50,7 +50,7 @@ def fill_drifts(scene, kind, drifts):
 
 @kernel()
 def fill_gaps(lost, drifts, matrix, other, first, gaps):
-    """Fill `gaps` (3, T) with the relative positions of a natural motion to another body, from `first` on.
+    """Fill `gaps` (3, T) with relative positions of a natural motion to another body, from `first` onward.
 
     They are in zone coordinates.
     """
@@ -121,7 +121,7 @@ def lowest(scene, arcs, offsets, which, side, lost, t, low, high, motion):
 
 @kernel()
 def pair_norm(scene, which, motion):
-    """Return a pair's norm with rounded edges, as a share of the aim."""
+    """Return a pair's norm with rounded edges, as a fraction of the aim."""
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
@@ -201,7 +201,7 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
 
 @kernel()
 def fill_thrust(scene, arcs, offsets, body, s, out):
-    """Fill `out` (3,) with a craft's thrust beside any chief: its acceleration without the natural one."""
+    """Fill `out` (3,) with a craft's thrust about any chief: its acceleration without the natural one."""
     motion, state = stack_matrix(3, 3), stack_vector(6)
     motion[:] = 0.0
     add_body(scene, arcs, offsets, body, s, motion, 1.0)
@@ -293,7 +293,7 @@ def slide_failures(scene, arcs, offsets, contacts, turned, norms):
     """Move contacts to their pairs' current closest approaches, with the normals there.
 
     Contacts with zones that have edges keep their failure instants.  Fills the normals `turned` (K, 3) at the
-    previous times, and the norms (K,) as a share of the aim.
+    previous times, and the norms (K,) as a fraction of the aim.
     """
     motion, turns, work, before = stack_matrix(3, 3), stack_matrix(3, 3), stack_vector(3), stack_vector(3)
     for k in range(len(contacts.times)):

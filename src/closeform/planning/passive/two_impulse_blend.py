@@ -82,7 +82,7 @@ class ArcTask:
         return found.planes.joined(self.rounds.turned(clear.arcs, clear.offsets, found.inside))
 
     def blend(self, one: Arcs, other: Arcs, share: float) -> Arcs:
-        """Return paths a share of the way from one to the other."""
+        """Return paths a fraction of the way from one to the other."""
         each = [
             summed(self.problem, (one.arcs[a:b], other.arcs[c:d]), (1.0 - share, share))
             for a, b, c, d in zip(
@@ -93,7 +93,7 @@ class ArcTask:
 
 
 def blended_plan(problem: Problem, margin: float) -> Trajectories | None:
-    """Return the cheapest paths found that are certified safe; None without a safe two-impulse plan."""
+    """Return the lowest-cost paths found that are certified safe; None without a safe two-impulse plan."""
     task = ArcTask(problem, margin)
     begin = spread_plan(task)
     if begin is None:
@@ -103,7 +103,7 @@ def blended_plan(problem: Problem, margin: float) -> Trajectories | None:
 
 
 def spread_plan(task: ArcTask) -> Arcs | None:
-    """Return the cheapest two-impulse plan that is clear, as sampled, with its impulses as burns."""
+    """Return the lowest-cost two-impulse plan that is clear, as sampled, with its impulses as burns."""
     problem = task.problem
     for times, _ in islice(two_impulse_plans(problem), HOPS):
         for share in SPREADS:

@@ -29,7 +29,7 @@ MISSED = 1e-9  # of the positions and drift distances: larger misses are not a s
 
 
 def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
-    """Yield times (N, 2) and impulses (N, 2, 3) of plans without a sampled conflict, cheapest first.
+    """Yield times (N, 2) and impulses (N, 2, 3) of plans without a sampled conflict, lowest cost first.
 
     All craft wait and drift for the same times.  Conflicts are sampled with obstacles only.
     """
@@ -94,7 +94,7 @@ class Look:
         ]
 
     def clear(self, motions: Floats, times: Floats) -> Floats:
-        """Return which plans (C,) pass all obstacles on their M (N, C, 6), from the first impulse on."""
+        """Return which plans (C,) with natural `motions` (N, C, 6) are clear from their first impulse."""
         clear = np.ones(motions.shape[1], dtype=bool)
         for i, zone, places in self.pairs:
             rows = np.flatnonzero(clear)

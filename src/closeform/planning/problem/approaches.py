@@ -227,7 +227,7 @@ def sample_craft(scene, arcs, offsets, contacts, count, states, places, speeds):
 
 @kernel()
 def find_minima(scene, arcs, offsets, states, places, speeds, found):
-    """Fill `found` with rows (pair, time, norm as a share of the aim) of minima below the aim.
+    """Fill `found` with rows (pair, time, norm as a fraction of the aim) of minima below the aim.
 
     Returns the number of minima, including those for which `found` has no row.  A zone with rounded edges
     is sampled without rounding, where its norm is smaller.

@@ -1,4 +1,4 @@
-"""Paths of a formation beside any chief, for the kernels of its problem and as arcs.
+"""Paths of a formation about any chief, for the kernels of its problem and as arcs.
 
 The polynomials of `pieces` come from the chief's table.  Paths at rest at the end T follow from those at rest
 at the start by the constant l1.x2 - l2.x1 of two optimal paths, l their costates:

@@ -1,4 +1,4 @@
-"""Pieces: paths beside any chief as rows of polynomials, which a problem's kernels read instead of arcs.
+"""Pieces: paths about any chief as rows of polynomials, which a problem's kernels read instead of arcs.
 
 A row holds start and end, the angle and the length of the window in which it lies (see `motion.chief.clock`),
 and 36 Bernstein coefficients of its position.  Velocity and acceleration are derivatives of the polynomial.

@@ -178,13 +178,13 @@ class Problem:
 
     @cached_property
     def beside(self) -> ChiefPaths | None:
-        """The craft's paths beside any chief as polynomials; None for Hill's equations and deep space."""
+        """The craft's paths about any chief as polynomials; None for Hill's equations and deep space."""
         if not isinstance(self.orbit, ChiefOrbit):
             return None
         return ChiefPaths(self.orbit, self.base, self.first, self.last)
 
     def rows(self, trajectories: Trajectories) -> Trajectories:
-        """Return paths as the rows that kernels read: arcs, or pieces beside any chief."""
+        """Return paths as the rows that kernels read: arcs, or pieces about any chief."""
         return trajectories if self.beside is None else self.beside.pieces(*trajectories)
 
     def _own_rows(self, trajectories: Trajectories) -> Trajectories:

@@ -12,7 +12,7 @@ from closeform.kernel_loans import Lent
 class Scene(NamedTuple):
     """A problem at one aim: N craft on unconstrained optima, M obstacles, P pairs with Z kinds of zones.
 
-    Rows of paths are arcs of Hill's equations, W = 30, or pieces beside any chief, W = 40 (see `pieces`).
+    Rows of paths are arcs of Hill's equations, W = 30, or pieces about any chief, W = 40 (see `pieces`).
     Then `clock` is that of the chief, and each craft's paths are combinations of its polynomials `units`.
     The bodies are numbered from the first craft to the last obstacle.  A zone with a `power` below inf is
     rounded: its norm is the p-norm of its parts.  Paths are to keep the norm at `aims` or above.

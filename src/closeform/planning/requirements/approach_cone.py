@@ -53,7 +53,7 @@ class ApproachCone(StateRequirement):
         if target.shape != (3,):
             raise ValueError(f"target: expected a position of shape (3,), got {target.tolist()}")
         if not 0.0 <= number("half_angle", self.half_angle) < pi / 2.0:
-            raise ValueError(f"half_angle: from 0 to below pi/2 rad, got {self.half_angle}")
+            raise ValueError(f"half_angle: must be at least 0 and below pi/2 rad, got {self.half_angle}")
         if not number("radius", self.radius) > 0.0:
             raise ValueError(f"radius: must be positive, got {self.radius} m")
         object.__setattr__(self, "axis", axis / np.linalg.norm(axis))

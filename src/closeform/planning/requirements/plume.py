@@ -29,7 +29,7 @@ class Plume(ThrustRequirement):
     half_angle : float [rad]
         Between the axis of the exhaust and its edge, above 0 and below pi/2.
     range : float [m]
-        Distance from which on the exhaust does no harm; positive.
+        Distance beyond which the exhaust does no harm; positive.
     others : Path, or sequence of Path, default all other spacecraft of the plan
         Spacecraft that the exhaust must not hit, while their paths last.
 
@@ -67,7 +67,7 @@ class Plume(ThrustRequirement):
     def _cones(self, times: Floats, places: Floats, about: Floats, speeds: Floats) -> tuple[Floats, Floats]:
         """Return axes (C, J, 3) away from the others in range, and half-angles (C, J) [rad]."""
         if self.others is None:
-            raise ValueError("others: give the paths of the other spacecraft, which only a plan knows")
+            raise ValueError("others: give the paths of the other spacecraft, which are known only in a plan")
         others, first = self.others, self.others.offsets[:-1]
         starts, ends = np.reshape(others.start, (-1, 1)), np.reshape(others.end, (-1, 1))
         states = others._evaluate_rows(np.clip(times, starts, ends))

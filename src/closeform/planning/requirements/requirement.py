@@ -71,7 +71,7 @@ class Requirement(ABC):
         -------
         bool
             False also where the path touches the surface so closely that rounding decides.  Thrust of
-            thrusters in inertial axes is judged at samples, without a proof.
+            thrusters in inertial axes is evaluated at samples, without a proof.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Requirements on the direction of thrust: cones into which a spacecraft must not thrust.
 
 A cone of half-angle a about an axis e may change with time and with the position of the spacecraft.  Its
-outside is not convex.  Where the cheapest thrust v points into the cone, the planner allows instead the
+outside is not convex.  Where the lowest-cost thrust v points into the cone, the planner allows instead the
 half-space that touches the cone on the side of v, with w the direction of v perpendicular to e:
 
     m . v >= 0    with    m = cos(a) w - sin(a) e
@@ -105,4 +105,4 @@ class ThrustRequirement(Requirement):
 def checked_half_angle(half_angle: float) -> None:
     """Raise ValueError unless the half-angle of a cone is above 0 and below pi/2 rad."""
     if not 0.0 < number("half_angle", half_angle) < pi / 2.0:
-        raise ValueError(f"half_angle: above 0 and below pi/2 rad, got {half_angle}")
+        raise ValueError(f"half_angle: must be above 0 and below pi/2 rad, got {half_angle}")

@@ -122,7 +122,7 @@ class SigmaProblem(Problem):
         return ~contacts.drifts.any(axis=1) & (contacts.times <= self.arrival)
 
     def spread(self, paths: Path, errors: Sequence[Uncertainty | None]) -> Any:
-        """Return errors of all bodies along their paths: propagated, or as columns beside any chief."""
+        """Return errors of all bodies along their paths: propagated, or as columns about any chief."""
         if self.beside is None:
             return propagate_errors(paths, errors)
         return [one and columns_of(paths[k], one) for k, one in enumerate(errors)]

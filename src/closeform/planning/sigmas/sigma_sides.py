@@ -14,7 +14,7 @@ ENLARGED = 4  # maximum starts
 
 
 def sides_of_enlarged(problem: SigmaProblem, margin: float) -> Iterator[Contacts]:
-    """Yield contacts on the sides of the cheapest plans around enlarged zones."""
+    """Yield contacts on the sides of the lowest-cost plans around enlarged zones."""
     enlarged = problem.enlarged(moments(problem, problem.direct_conflicts(margin)))
     if not enlarged.direct_conflicts(margin):
         return

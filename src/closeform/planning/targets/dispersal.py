@@ -125,7 +125,9 @@ def added_member(orbit: Orbit, states: ArrayLike) -> Floats:
             best = int(np.argmax(clear >= clear.max() * (1.0 - EQUAL)))  # the first of equal ones
             if clear[best] > max(least, TOGETHER * np.abs(members[:, :3]).max()):
                 return np.asarray(places[best])
-    raise ValueError("states: no place that continues this formation is clear of it; choose a state yourself")
+    raise ValueError(
+        "states: every place that continues this formation is in conflict with it; give a state instead"
+    )
 
 
 def scattered(orbit: Orbit, states: ArrayLike, duration: float, factor: float) -> Floats:

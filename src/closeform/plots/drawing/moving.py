@@ -58,7 +58,7 @@ def write_gif(
 
 
 def name_moving(axes: Axes, points: Floats, names: Sequence[str], tints: Sequence[str]) -> None:
-    """Write names beside moving points (N, 2); a name that would cover an earlier one is left out."""
+    """Write names next to moving points (N, 2); a name that would cover an earlier one is left out."""
     places = axes.transData.transform(points) * 72.0 / axes.figure.dpi  # typographic points
     kept: list[int] = []
     for k, (name, tint) in enumerate(zip(names, tints, strict=True)):

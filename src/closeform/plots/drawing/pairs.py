@@ -117,7 +117,7 @@ def asked_pairs(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pa
     called = short_names(names, len(count))
     pairs = Pairs.of(count, zones)
     if not len(pairs):
-        raise ValueError("zones: no two craft have a zone")
+        raise ValueError("zones: no pair of craft has a zone")
     return pairs, called
 
 

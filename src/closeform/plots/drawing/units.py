@@ -99,7 +99,7 @@ def plain_unit(duration: float) -> Unit:
 def clock(path: Path, start: float, end: float) -> Clock:
     """Return the time axis of a path from `start` to `end` [s].
 
-    It shows minutes (or a similar unit) with orbits on the upper axis; from four orbits on, the two are
+    It shows minutes (or a similar unit) with orbits on the upper axis; for four orbits or more, the two are
     swapped.
     """
     plain, period = plain_unit(end - start), path.orbit.period

@@ -60,7 +60,7 @@ def one_round(search: Search, rounds: int) -> Search:
 
 @lru_cache(maxsize=16)  # tables and figures use the same values
 def covered(search: Search, phase: str | None) -> float:
-    """Return the share of the sky that one cone covers in a phase, or in the whole search; from 0 to 1."""
+    """Return the fraction of the sky that one cone covers in a phase, or in the whole search; from 0 to 1."""
     return search.coverage(phase)
 
 
@@ -106,7 +106,7 @@ def facts(search: Search, duration: float, attained: SunAngle | None = None) -> 
 
 
 def phases(search: Search, rounds: int = 1) -> Table:
-    """Return the table of phases of a search with the share of the sky that they cover."""
+    """Return the table of phases of a search with the fraction of the sky that they cover."""
     rows = [
         ((name, number), start, end, f"{minutes(start)} - {minutes(end)}", covered(search, name))
         for name, number, start, end in search.phases

@@ -234,14 +234,16 @@ def groups_of(groups: Groups, count: int) -> tuple[Group, ...]:
     if isinstance(groups, str):
         if groups not in ("alternating", "balanced"):
             raise ValueError(
-                'groups: "alternating", "balanced", "bearing" or one of A, B for each craft, '
+                'groups: must be "alternating", "balanced", "bearing" or one of A, B for each craft, '
                 f"got {shown(groups)}"
             )
         middle = (count + 1) // 2  # H03 figure 3: three and two of five
         second = [k % 2 == 1 if groups == "alternating" else k >= middle for k in range(count)]
         return tuple("B" if there else "A" for there in second)
     if not isinstance(groups, Iterable):
-        raise ValueError(f'groups: "alternating", "balanced" or A, B for each craft, got {shown(groups)}')
+        raise ValueError(
+            f'groups: must be "alternating", "balanced" or A, B for each craft, got {shown(groups)}'
+        )
     given = tuple(groups)
     if len(given) != count:
         raise ValueError(f"groups: expected one for each of {count} craft, got {len(given)}")

@@ -31,12 +31,12 @@ CHUNK = 4096  # number of boxes that one core judges in a row
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LockProof(Result):
-    """Result of a lock proof: the proven share of a box of initial states, and counterexamples.
+    """Result of a lock proof: the proven fraction of a box of initial states, and counterexamples.
 
     Attributes
     ----------
     open : float, no unit
-        The share of the box, by volume, that is not proven.
+        The fraction of the box, by volume, that is not proven.
     undecided : array of shape (K, 2, 6) [m, m/s]
         Minimum and maximum states of the undecided boxes, in the inertial frame. In a scale-invariant problem
         with the origin in the given box they are flat, in its faces, and each represents its multiples.
@@ -57,7 +57,7 @@ class LockProof(Result):
 
     @property
     def proven(self) -> float:
-        """Share of the box, by volume, in which every pair certainly locks [no unit]."""
+        """Fraction of the box, by volume, in which every pair certainly locks [no unit]."""
         return 1.0 - self.open
 
     @property

@@ -1,7 +1,7 @@
 """Longest time to lock: an adversary searches a box of initial states for the pair that locks last.
 
-It climbs from random pairs. Then `prove_locks` finds for which share of the box a later lock is impossible.
-If the proof finds a later lock, the climb continues from there.
+It climbs from random pairs. Then `prove_locks` finds for which fraction of the box a later lock is
+impossible. If the proof finds a later lock, the climb continues from there.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ class StateBoxes:
     def faces(cls, low: Floats, high: Floats) -> StateBoxes:
         """Return the faces of a box around the origin that do not contain it.
 
-        Their multiples fill the box. The share of a face is that of the pyramid on it with its tip at the
+        Their multiples fill the box. The fraction of a face is that of the pyramid on it with its tip at the
         origin.  # theory (58)
         """
         widths = np.where(high > low, high - low, 1.0)

@@ -467,7 +467,7 @@ def surface_integrals(means, factors, matrix, rules, fineness, farthest, out):
 
 @kernel()
 def speed_of_entry(mu, sigma, share):
-    """Return the inward speed that a share of entries exceeds: density ~ w N(w; mu, sigma), w > 0."""
+    """Return the inward speed that a fraction of entries exceeds: density ~ w N(w; mu, sigma), w > 0."""
     if sigma <= 1e-12 * abs(mu):
         return abs(mu)
     u = mu / sigma

@@ -47,7 +47,7 @@ class Unresolved(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Flux:
-    """Expected entries from the start on: their number, its error, and their distribution in time.
+    """Expected entries from the start onward: their number, its error, and their distribution in time.
 
     `of_time` holds the sampled times, with the rate and the part of all entries at each. `nearest` [s] are
     the times at which the mean is closest to the zone, the closest first.

@@ -363,7 +363,10 @@ def _along_lines(sampled: SampledTrajectories, directions: Floats, plane: bool) 
 
 
 def low_rank_directions(sampled: SampledTrajectories) -> Floats | None:
-    """Return the directions (1 or 2, M) of all errors that move craft, zeros without any; None for more."""
+    """Return the 1 or 2 error directions (K, M) that displace the craft.
+
+    Return one row of zeros if no error displaces them, and None if there are more than two directions.
+    """
     moved = _effects(sampled)[1].reshape(-1, len(sampled.columns))
     _, sizes, directions = np.linalg.svd(moved / np.sqrt(len(moved) / 3), full_matrices=False)
     if sizes[0] <= NOTHING:

@@ -77,7 +77,7 @@ def probability_inside(sampled: SampledTrajectories, time: float) -> tuple[float
 
 
 def ball_share(b: Floats, s: Floats) -> Integral:
-    """Return the share of a normal distribution in the unit ball.
+    """Return the fraction of a normal distribution in the unit ball.
 
     `b` (3,): its mean; `s` (3,): its standard deviations, the smallest first.
     """

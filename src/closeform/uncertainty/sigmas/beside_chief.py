@@ -1,4 +1,4 @@
-"""k-sigma tubes beside any chief, certified by the hulls of polynomials.
+"""k-sigma tubes about any chief, certified by the hulls of polynomials.
 
 In a window (see `table_windows`) the mean r_0 and the columns r_j are Bernstein polynomials of u.  With a
 plane a of unit polar norm, l_j = a . r_j, and their coefficients b,
@@ -247,7 +247,7 @@ def reached(tube, windows, off, k, rows):
 
 
 class PairTube:
-    """Relative motion of two craft beside a chief and its errors, in the windows of their common time."""
+    """Relative motion of two craft about a chief and its errors, in the windows of their common time."""
 
     def __init__(self, path: Path, other: Path, zone: Zone, errors: Any, other_errors: Any) -> None:
         columns = columns_of_pair(path, other, errors, other_errors)

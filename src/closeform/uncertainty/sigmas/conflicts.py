@@ -116,7 +116,7 @@ def is_doubtful(tube, k, span):
 
 @kernel(inline=True)
 def march_inside(tube, t, span, k, patience):
-    """March inside with one position that is inside at each step: (time reached, True if none is).
+    """March while some position of the tube is inside; return the time reached, and True if none is.
 
     After too many short steps, k sigmas count as inside until they are clear for longer than such a step.
     """
@@ -196,7 +196,7 @@ def nearest_tubes(scene, begin, row):
     )
 )
 def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
-    """Write the conflicts of pairs from `pair` on: pair, start, end, time and level of the minimum."""
+    """Write the conflicts of pairs from `pair` onward: pair, start, end, time and level of the minimum."""
     one, two, tube = lent(one), lent(two), lent(tube)
     times, tracks, other_tracks = borrowed(times), borrowed(tracks), borrowed(other_tracks)
     near = np.empty(max(0, len(times) - 1), dtype=np.bool_)

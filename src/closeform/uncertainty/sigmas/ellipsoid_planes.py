@@ -130,7 +130,7 @@ def round_plane(x, y, z, s, k, fine):
 
 @kernel()
 def mixture(f, g, r, s, k):
-    """Return the share of the row g in the best plane between rows f and g; -1 if no mixture is best."""
+    """Return the fraction of the row g in the best plane between rows f and g; -1 if no mixture is best."""
     dx, dy, dz = g[0] - f[0], g[1] - f[1], g[2] - f[2]
     ux, uy, uz = times(s, dx, dy, dz)
     bend = dx * ux + dy * uy + dz * uz
@@ -283,7 +283,7 @@ def cylinder_plane(r, s, k, fine, best):
 
 @kernel()
 def rim_start(r, s, k, up, x, y, g):
-    """Return a share of the side's plane (x, y) from which to climb: one with more than g, or the best.
+    """Return a fraction of the side's plane (x, y) from which to climb: one with more than g, or the best.
 
     Between the plane of the side and that of the end g is concave.
     """
@@ -300,7 +300,7 @@ def rim_start(r, s, k, up, x, y, g):
 
 @kernel()
 def climb_rim(r, s, k, up, share, x, y, best):
-    """Maximize g over a = (x, y, up (1 - hypot(x, y))) from a share of (x, y), by Newton's method.
+    """Maximize g over a = (x, y, up (1 - hypot(x, y))) from a fraction of (x, y), by Newton's method.
 
     The gain of the last step is within rounding, but it makes the ellipsoid's point accurate.
     """

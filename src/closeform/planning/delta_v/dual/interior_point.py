@@ -154,8 +154,8 @@ def measure(program, cones, planes, x):
 def step_towards(program, cones, planes, hessians, schur, tau, correction, changes, ahead):
     """Fill the changes of all unknowns and cones towards the centre of `tau`.
 
-    `correction` is the share of the second-order term of the previous changes.  Returns the maximum step of
-    the primers, that of the impulses, and the squared length of the step.
+    `correction` is the fraction of the second-order term of the previous changes.  Returns the maximum step
+    of the primers, that of the impulses, and the squared length of the step.
     """
     p, first, second, left = stack_vector(3), BEYOND, BEYOND, 0.0
     for k in range(len(planes)):

@@ -89,7 +89,7 @@ def part_along(d, p, f):
 
 @kernel()
 def peaks_beside(fleet, c, d, t, end, level, work, instants, heights):
-    """Find the local maxima of |p|, or of d . p, of at least `level` beside a chief, in times since t.
+    """Find the local maxima of |p|, or of d . p, of at least `level` about a chief, in times since t.
 
     `c` (6,) is the primer at the first time.  Returns the number of maxima, ends included, and a certified
     bound on |p| or d . p.
