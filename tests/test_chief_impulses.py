@@ -62,6 +62,16 @@ def test_gaps_are_proven_to_be_small(e, monkeypatch):
         orbit.impulsive(*ends, random.uniform(0.1, 3.0) * orbit.period, random.uniform(0.0, orbit.period))
 
 
+def test_a_seventh_maximum_below_the_limit_gets_no_impulse(monkeypatch):
+    """With six maxima of |p| = 1 and one of 0.91 other impulses reach the end as well, but cost more."""
+    monkeypatch.setattr("closeform.motion.chief_orbit.PROVEN", 1e-9)
+    orbit, random = cf.Orbit.eccentric(0.8, perigee_altitude=600e3), np.random.default_rng(1)
+    for _ in range(9):  # the ninth is the case
+        ends = random.normal(size=(2, 6)) * ([100.0] * 3 + [0.1] * 3)
+        length, begin = 2.5 * orbit.period * random.uniform(0.8, 1.2), random.uniform(0.0, orbit.period)
+    assert orbit.impulsive(*ends, length, begin).delta_v > 0.0
+
+
 def test_bounds_hold_at_every_time():
     """|p| of the primer is at most 1 at dense samples, for rows of random polynomials in five windows."""
     random = np.random.default_rng(2)

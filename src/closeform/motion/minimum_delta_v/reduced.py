@@ -202,7 +202,7 @@ def newton(rows_at, bend_at, maxima, scene, end, metric, g, y, work, answer):
             continue
         proved = dot(g, y)
         for k in range(size):
-            costs[k] = 0.0
+            costs[k] = SPARING * max(1.0 - sqrt(squares[k]) * scale, 0.0)
         count = weigh(rows_at, scene, y, g, times, size, columns, costs, weights, active, answer)
         if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
             answer[UNIQUE] = 1.0 * independent(columns, squares, size, highest, active)
