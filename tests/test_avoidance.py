@@ -436,7 +436,7 @@ def refused_calls():
             lambda: cf.avoid(path, (p for p in [elsewhere]), zone),
             "^obstacles: must be in the same orbit",
         ),
-        "zones": (lambda: cf.avoid(path, [other, other], [zone]), "^zone: .* 2 obstacles, not 1"),
+        "zones": (lambda: cf.avoid(path, [other, other], [zone]), "^zone: .* 2 obstacles, got 1"),
         "grid": (
             lambda: cf.avoid(path, batch[np.zeros((3, 2), dtype=int)], zone),
             r"^obstacles: .* got shape \(3, 2\)",

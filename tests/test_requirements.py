@@ -425,6 +425,22 @@ def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
     assert not all(one.met for one in stage.result.kept(wide))
 
 
+@pytest.mark.parametrize("limit", [0.03, 0.05])
+def test_speed_limit_holds_up_to_the_last_impulse(limit):
+    """Half an orbit from 250 m to rest at 10 m, where the last impulse must not brake from above the limit."""
+    orbit = cf.Orbit.circular(600e3)
+    corridor = cf.requirements.ApproachCone(axis=[0, -1, 0], half_angle=np.radians(12), radius=0.5)
+    glide = cf.requirements.SpeedLimit(limit=limit, rate=1e-3, axis=[0, -1, 0])
+    ends = [[0, -250, 0, 0, 0, 0]], [[0, -10, 0, 0, 0, 0]]
+    given = {"cost": "delta-v", "requirements": [corridor, glide], "if_blocked": ()}
+    plan = cf.reconfigure(orbit, *ends, orbit.period / 2, None, **given)
+    assert plan.ok
+    states = plan.path.state(np.linspace(0.0, plan.path.end, 20_001)[1:-1])
+    speeds = np.linalg.norm(states[:, 3:], axis=1)
+    assert (speeds <= limit - 1e-3 * states[:, 1] + 1e-9).all()
+    assert plan.delta_v <= 1.03 * plan.lower_bound
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

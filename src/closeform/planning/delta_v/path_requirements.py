@@ -67,8 +67,8 @@ class PathRequirements:
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
         """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
         start, end = self.problem.base[i, [START, END]]
-        inside = (times > start) & (times < end)
-        times, states = times[inside], states[inside]
+        times = np.minimum(times, end - AFTER * (end - start))  # before an impulse at the end
+        times, states = times[times > start], states[times > start]
         planes = Planes.room(len(times))
         planes.times[:], planes.first[:], planes.second[:] = times, i, -1
         planes.cuts[:] = times[:, None]
@@ -89,7 +89,7 @@ class PathRequirements:
         if not outside:
             self.inward = max(1.0, 0.5 * self.inward)
         elif outside < SHORT:  # a small step inward replaces many more planes
-            self.inward += outside
+            self.inward += max(outside, 1.0)  # by less, the shortfall would only halve round by round
 
     def keep(self, multipliers: Floats, share: float = ACTIVE) -> Any:
         """Keep only the planes with significant multipliers; return their mask."""
