@@ -427,7 +427,7 @@ def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
 
 @pytest.mark.parametrize("limit", [0.03, 0.05])
 def test_speed_limit_holds_up_to_the_last_impulse(limit):
-    """Half an orbit from 250 m to rest at 10 m, where the last impulse must not brake from above the limit."""
+    """Half an orbit from 250 m to rest at 10 m: the last impulse must not brake from above the limit."""
     orbit = cf.Orbit.circular(600e3)
     corridor = cf.requirements.ApproachCone(axis=[0, -1, 0], half_angle=np.radians(12), radius=0.5)
     glide = cf.requirements.SpeedLimit(limit=limit, rate=1e-3, axis=[0, -1, 0])
