@@ -152,7 +152,9 @@ def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
     rule = f"up to {ECCENTRICITY:g} e d, for an eccentricity e"
     known = orbit.eccentricity
     cause = (
-        f"eccentricity, e = {EXAMPLE:g} as an example" if known is None else f"the chief's e = {known:.5f}"
+        f"eccentricity, e = {EXAMPLE:g} as an example"
+        if known is None
+        else f"the chief's eccentricity, e = {known:.5f}"
     )
     yield cause, rule, (EXAMPLE if known is None else known) * ECCENTRICITY * far, limit
     if orbit.mu == EARTH_MU:
