@@ -260,5 +260,6 @@ def estimate(mission: Mission) -> Iterator[str]:
         "not known" if e is None else f"= {e:.5f}"
     )
     whose = "the craft" if len(mission.scenario.craft) == 1 else "the craft with the largest error"
-    yield f"Model error of Hill's equations (estimate): about {metres(half)}, 95 % within {metres(most)}"
+    model = "the eccentric model" if neglected.eccentric else "Hill's equations"
+    yield f"Model error of {model} (estimate): about {metres(half)}, 95 % within {metres(most)}"
     yield f"    for {whose}, at {where}"
