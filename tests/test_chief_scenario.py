@@ -11,6 +11,7 @@ import closeform as cf
 from chiefs import MU, linear_matrix, matrices_by_integration
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
+from closeform.mission.simulation_verdict import mission_error
 from closeform.motion.chief.oblate_or_supplied import frames, gravity
 from closeform.scenario import ScenarioError, parse
 
@@ -249,6 +250,28 @@ def test_errors_of_cases_beside_a_chief_are_those_of_independent_samples(tmp_pat
     assert 0.2 < share < 0.9
     allowed = 4.0 * np.sqrt(share * (1.0 - share) * (1 / 400 + 1 / 4000))
     assert len(found.failed) / 400 == pytest.approx(1.0 - share, abs=allowed)
+
+
+@pytest.mark.parametrize("eccentricity", [0.05, 0.3])
+def test_the_verdict_beside_an_eccentric_chief_counts_the_oblateness(eccentricity):
+    """Coasts with and without J2 over an orbit: the estimate at 95 % exceeds most of their differences."""
+    mission = planned(ONE_STAGE.replace("eccentricity = 0.3", f"eccentricity = {eccentricity}"))
+    near = mission.verdict.zone_distance
+    assert 0.0 < near.expected < near.unlikely
+    assert near.exceeded == ('use model = "j2"' in str(mission.verdict))
+    neglected, _, _ = mission_error(mission)
+    angles = {"argument_of_perigee": np.radians(270.0), "true_anomaly": np.radians(150.0)}
+    kepler = cf.Orbit.eccentric(eccentricity, semi_major_axis=1e7, true_anomaly=angles["true_anomaly"])
+    oblate = cf.Orbit.perturbed(eccentricity, np.radians(63.4), semi_major_axis=1e7, **angles)
+    times, rng = np.linspace(0.0, kepler.period, 50), np.random.default_rng(1)
+    states = rng.normal(size=(200, 6)) * np.repeat([100.0, 100.0 * 2.0 * np.pi / kepler.period], 3)
+    states[:, 4] = -2.0 * states[:, 0] * 2.0 * np.pi / kepler.period  # nearly without drift
+    two = [orbit.transition(times)[:, :3] @ states.T for orbit in (kepler, oblate)]
+    reach = np.linalg.norm(two[0], axis=1).max(axis=0)
+    off = np.linalg.norm(two[0][-1] - two[1][-1], axis=0)
+    half, most = neglected.error(reach, kepler.period, 1)
+    assert np.mean(off < most) > 0.9
+    assert np.median(off / half) > 0.1
 
 
 def test_a_model_needs_a_chief():

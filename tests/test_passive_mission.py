@@ -263,6 +263,24 @@ def test_plotted_curve_dips_within_an_impulse():
     assert worst.ratio <= curve.get_ydata().min() < worst.ratio + 0.1  # of 64 shares
 
 
+@pytest.mark.parametrize("orbit", [ORBIT, cf.Orbit.eccentric(0.15, 8.2e6)], ids=["circle", "ellipse"])
+def test_drawn_drift_is_the_worst_one_at_an_impulse(orbit):
+    """Thrust leads towards the client until an impulse stops: the worst failure is just before it."""
+    matrix = orbit.transition(0.3 * orbit.period, 1000.0)
+    place = np.array([0.0, -200.0, 0.0])
+    speed = np.linalg.solve(matrix[:3, 3:], -matrix[:3, :3] @ place)
+    towards = orbit.transfer([0, -300, 0, 0, 0, 0], [*place, *speed], 1000.0)
+    path = cf.join([towards, orbit.coast([*place, 0, 0, 0], 1000.0, start=1000.0)])
+    client = orbit.coast(np.zeros(6), 3 * orbit.period)
+    worst = cf.drift_approach(path, client, ZONE, client.end)
+    assert worst.failed_at == pytest.approx(1000.0)
+    assert worst.distance < 1e-3
+    (axes, *_) = plots.drift_fan(path, client, ZONE, client.end).axes
+    (drawn,) = [one for one in axes.collections if one.get_label() == "closest free drift"]
+    points = np.vstack(drawn.get_segments())
+    assert np.linalg.norm(points, axis=1).min() < 1.0  # m, between drawn points
+
+
 def test_infinite_horizon_of_a_moving_formation():
     """No pair is safer than over a thousand orbits, and a dated closest approach is equal."""
     text = HEAD.replace('["Client", "Inspector"]', '["A", "B", "C"]').partition("position")[0]

@@ -223,6 +223,22 @@ def test_model_error_on_an_eccentric_orbit(eccentricity):
     assert 0.25 * told[2] < worst * far < 1.05 * told[2]
 
 
+@pytest.mark.parametrize(
+    ("model", "neglected"), [("eccentric", ["curvature", "oblateness"]), ("j2", ["curvature"])]
+)
+def test_effects_that_the_model_includes_are_not_listed(model, neglected):
+    """Kepler's ellipse includes the eccentricity, and J2 the oblateness as well."""
+    orbit = cf.Orbit.eccentric(0.15, 8.2e6)
+    if model == "j2":
+        orbit = cf.Orbit.perturbed(0.15, 0.9, 8.2e6, span=9e3)
+    circle = model_limits.Circle(2.0 * np.pi / orbit.period, eccentricity=0.15)
+    reach = model_limits.Reach("B", 250.0, 0.0, 5.0)
+    (_, _), (table,) = model_limits.beyond(reach, orbit, circle, 3600.0)
+    causes = [row[0] for row in table.rows]
+    assert len(causes) == len(neglected)
+    assert all(effect in cause for effect, cause in zip(neglected, causes, strict=True))
+
+
 def test_model_error_is_that_of_the_farthest_spacecraft():
     """Of two flights one after another, against dense samples."""
     mission = plan_mission(parse(LIMITED))

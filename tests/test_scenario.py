@@ -25,6 +25,7 @@ from closeform.scenario.quantity import (
     TIME,
     UNITS,
     Duration,
+    Kind,
     Reader,
     unit_of,
 )
@@ -58,6 +59,15 @@ def test_every_unit_is_offered_and_documented() -> None:
         assert known <= set(kind.units)
         assert set(kind.units) == set(re.split(r",\s*", re.sub(r" \(or .*?\)", "", documented[kind.name])))
     assert set(DURATION.units) == {*TIME.units, "orbits"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "words"),
+    [(LENGTH, "deg", "an angle, not a length"), (ANGLE, "m", "a length, not an angle")],
+)
+def test_kinds_of_quantities_have_their_article(kind: Kind, unit: str, words: str) -> None:
+    with pytest.raises(ValueError, match=f"is {words};"):
+        Reader(kind).scale("1", unit)
 
 
 def test_units_agree_with_astropy() -> None:

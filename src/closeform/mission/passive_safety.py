@@ -162,8 +162,8 @@ def beyond_hill(scenario: Scenario, result: StageResult[Any, Any], found: Passiv
     """
     field, until, paths = scenario.field, found.until, result.after.paths
     neglected = Neglected.on(paths.orbit, scenario)
-    if field is None and neglected is None:
-        return found  # in deep space, or where the model error is not known
+    if field is None and (neglected is None or neglected.eccentric):
+        return found  # in deep space, or where the model error of a drift is not known
     limits = {
         "its drift has no end": until == inf,
         f"it has more than {MOST} pairs": found.count > MOST,

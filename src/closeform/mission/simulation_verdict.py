@@ -144,23 +144,24 @@ def eaten(mission: "Mission") -> Iterator[str]:
 class Neglected:
     """Orbit around the Earth for which the model error of Hill's equations can be estimated.
 
-    `semi_major_axis` is in m and `period` in s.  `eccentricity` is None if it is unknown.
+    `semi_major_axis` is in m and `period` in s.  `eccentricity` is None if it is unknown.  If `eccentric`,
+    the model includes it: only oblateness and curvature remain, as on a circle of the semi-latus rectum.
     """
 
     semi_major_axis: float
     eccentricity: float | None
     period: float
+    eccentric: bool = False
 
     @classmethod
     def on(cls, orbit: "Orbit", scenario: "Scenario") -> "Neglected | None":
         """Return the orbit of a scenario without a high-fidelity model.
 
-        Return None with such a model, in deep space, about a chief that is not on a circle, and around other
-        bodies.
+        Return None with such a model, with J2, in deep space and around other bodies.
         """
-        if scenario.orbit.model != "hill":
+        if scenario.orbit.model == "j2":
             return None
-        n, chief = orbit.mean_motion, scenario.chief
+        n, chief = 2.0 * pi / orbit.period, scenario.chief
         mu = chief.mu if chief is not None else scenario.orbit.mu or EARTH_MU
         if (
             not n
@@ -171,14 +172,18 @@ class Neglected:
         radius = float(semi_major_axis_from_mean_motion(n, mu))
         if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS:
             return None
-        return cls(radius, None if chief is None else chief.eccentricity, 2.0 * pi / n)
+        e = None if chief is None else chief.eccentricity
+        return cls(radius, e, orbit.period, scenario.orbit.model == "kepler")
 
     def error(self, reach: Any, time: Any, craft: int, kind: str = COASTS) -> tuple[Floats, Floats]:
         """Return the model error [m] after a `time` [s] that half, and 95 %, of missions do not exceed.
 
         `reach` [m] is the maximum distance from the origin up to that time.
         """
-        return model_error(reach, time / self.period, self.semi_major_axis, self.eccentricity, craft, kind)
+        size, e = self.semi_major_axis, self.eccentricity
+        if self.eccentric and e is not None:
+            size, e = size * (1.0 - e**2), 0.0
+        return model_error(reach, time / self.period, size, e, craft, kind)
 
 
 def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
@@ -226,7 +231,8 @@ def zone_distance(mission: "Mission") -> ZoneDistance | None:
     inside = min(abs(near[k].time - end) for end in ends) > 1e-6 * max(ends)  # ends stay where they are
     enlarges = inside and any(hasattr(stage, "margin") for stage in mission.scenario.stages)
     _, half, most = mission_error(mission) or (None, nan, nan)
-    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), half, most, enlarges)
+    remedy = 'use model = "j2"' if mission.scenario.orbit.model == "kepler" else "add a field"
+    return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), half, most, enlarges, remedy)
 
 
 def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:

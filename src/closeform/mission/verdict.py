@@ -144,7 +144,7 @@ class ZoneDistance:
 
     Half of all missions have a model error of at most `expected`, and 95 % of at most `unlikely`; both are
     nan where it is unknown.  `enlarges` is True if a stage supports a keep-out margin, which enlarges its
-    zones.
+    zones.  `remedy` is the way to a smaller error.
     """
 
     distance: float
@@ -152,6 +152,7 @@ class ZoneDistance:
     expected: float = nan
     unlikely: float = nan
     enlarges: bool = True
+    remedy: str = "add a field"
 
     @property
     def exceeded(self) -> bool:
@@ -179,7 +180,7 @@ class ZoneDistance:
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
         least = f"{ceil(self.unlikely)}" if self.unlikely > 10.0 else raised(self.unlikely, 2)
         margin = f', or margin = "{least} m" where the ends allow it' if self.enlarges else ""
-        return f"{words}; {error} {exceeds}: add a field{margin}"
+        return f"{words}; {error} {exceeds}: {self.remedy}{margin}"
 
 
 @dataclass(frozen=True)

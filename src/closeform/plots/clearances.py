@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance, number, sequence, shown, whole
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
-from closeform.motion.path import Path
+from closeform.motion.path import FORGIVEN, Path
 from closeform.plots.drawing import style, units
 from closeform.plots.drawing.charts import Curve, Panel, series, styled, timeline
 from closeform.plots.drawing.inputs import Zones, crafts, one_craft, picture, texts
@@ -238,13 +238,14 @@ def each(name: str, given: Any, count: int, *kinds: Any) -> list[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Failed:
-    """Outcome of failures of one spacecraft: `times` [s], minimum ratios, and times of closest approach."""
+    """Failures of one spacecraft: `times` [s], `states`, minimum ratios, and times of closest approach."""
 
     path: Path
     other: Path
     zone: Zone
     until: float
     times: Floats
+    states: Floats
     ratios: Floats
     met: Floats
     worst: DriftApproach
@@ -266,7 +267,16 @@ class Failed:
             near: Any = closest_approach(drifts, other, zone)
         else:
             near = drift_approach(path.orbit.coast(states, 1.0, times), other, zone, until)
-        return cls(path, other, zone, until, times, near.ratio, near.time, worst)
+        return cls(path, other, zone, until, times, states, near.ratio, near.time, worst)
+
+    @property
+    def lost(self) -> Floats:
+        """State (6,) from which the worst failure drifts: at an impulse, the worst sampled fraction."""
+        when = self.worst.failed_at
+        here = np.abs(self.times - when) <= FORGIVEN * (self.path.end - self.path.start)
+        if not here.any():
+            return self.path.state(when)
+        return np.asarray(self.states[here][np.argmin(self.ratios[here])])
 
     def story(self, ticks: units.Clock) -> str:
         """Return the worst failure as text."""

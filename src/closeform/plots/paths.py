@@ -473,8 +473,9 @@ def drift_fan(
         words = f"free drift that {'enters the zone' if unsafe else 'stays clear'}"
         look: dict[str, Any] = {"colour": UNSAFE if unsafe else SAFE, "width": 0.9, "arrow": False}
         look |= {"label": words, "order": 2.1 + 0.1 * unsafe}
-        whole.append(space.Track(gap(found, time, first_orbit(found, time, found.met[k])), **look))
-        beside += [space.Track(piece, **look) for piece in abeam(found, time)]
+        failed = time, found.states[k]
+        whole.append(space.Track(gap(found, failed, first_orbit(found, time, found.met[k])), **look))
+        beside += [space.Track(piece, **look) for piece in abeam(found, failed)]
     tint = CONFLICT if worst.ratio <= 1.0 else AFTER
     look = {
         "colour": tint,
@@ -483,8 +484,9 @@ def drift_fan(
         "label": "closest free drift",
         "order": 4.0,
     }
-    whole.append(space.Track(gap(found, lost, first_orbit(found, lost, met)), **look))
-    beside += [space.Track(piece, **look) for piece in abeam(found, lost)]
+    failed = lost, found.lost
+    whole.append(space.Track(gap(found, failed, first_orbit(found, lost, met)), **look))
+    beside += [space.Track(piece, **look) for piece in abeam(found, failed)]
     start, end = gap(found, None, np.array([path.start, path.end]))
     marks = [
         space.Mark(start, INK, face="white", label="start of the plan", order=5.0),
@@ -496,8 +498,8 @@ def drift_fan(
     nearest: list[space.Mark] = []
     if np.isfinite(met):
         last = max(lost, met - (LAST * period if np.isfinite(period) else np.inf))
-        whole.append(space.Track(gap(found, lost, np.linspace(last, met, 600)), **look))
-        point = gap(found, lost, np.array([met]))[0]
+        whole.append(space.Track(gap(found, failed, np.linspace(last, met, 600)), **look))
+        point = gap(found, failed, np.array([met]))[0]
         nearest = [space.Mark(point, tint, face="none", size=10.0, label="closest approach", order=6.0)]
     whole.append(space.Track(planned, INK, 2.4, label="plan", order=3.0))
     shape, extents = space.Shape(zone, ORIGIN, "keep-out zone"), drawn(zone).extents
@@ -518,13 +520,13 @@ def drift_fan(
     return squares(views, said)
 
 
-def gap(found: Failed, failed_at: float | None, times: Floats) -> Floats:
-    """Return positions (K, 3) relative to the other spacecraft, planned or drifting since `failed_at`."""
+def gap(found: Failed, failed: tuple[float, Floats] | None, times: Floats) -> Floats:
+    """Return positions (K, 3) relative to the other spacecraft, planned or since a failure (time, state)."""
     path, orbit = found.path, found.path.orbit
-    if failed_at is None:
+    if failed is None:
         places = path.position(np.minimum(times, path.end))
     else:
-        places = (orbit.transition(times - failed_at, failed_at) @ path.state(failed_at))[..., :3]
+        places = (orbit.transition(times - failed[0], failed[0]) @ failed[1])[..., :3]
     inside = np.minimum(times, found.other.end)
     states = found.other.state(inside)
     carried = np.einsum("tij,tj->ti", orbit.transition(times - inside, inside), states)
@@ -538,14 +540,14 @@ def first_orbit(found: Failed, failed_at: float, met: float) -> Floats:
     return np.linspace(failed_at, min(found.until, failed_at + period if np.isfinite(period) else soon), 300)
 
 
-def abeam(found: Failed, failed_at: float) -> list[Floats]:
+def abeam(found: Failed, failed: tuple[float, Floats]) -> list[Floats]:
     """Return the parts (K, 3) of a failed motion within the along-track extent of the zone."""
-    period, end = found.path.orbit.period, found.until
+    period, end, failed_at = found.path.orbit.period, found.until, failed[0]
     count = 2000
     if np.isfinite(period):
         end = min(end, failed_at + LONGEST * period)
         count = int(np.clip(300 * (end - failed_at) / period, 600, 300 * LONGEST))
-    track = gap(found, failed_at, np.linspace(failed_at, end, count))
+    track = gap(found, failed, np.linspace(failed_at, end, count))
     ahead, behind = drawn(found.zone).support(np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]))
     inside = (track[:, 1] <= ahead) & (track[:, 1] >= -behind)
     cuts = np.flatnonzero(np.diff(inside)) + 1

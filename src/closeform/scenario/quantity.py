@@ -195,11 +195,11 @@ class Reader(KeyReader):
         scale, dimension = unit_of(unit)
         if scale == 0.0:
             raise ValueError(
-                f"{shown(value)} has the unknown unit {shown(unit)}; a {self.kind.name} takes {self.offered}"
+                f"{shown(value)} has the unknown unit {shown(unit)}; {named(self.kind)} takes {self.offered}"
             )
         if dimension != self.kind.dimension:
-            other = next((kind.name for kind in KINDS if kind.dimension == dimension), "something else")
-            raise ValueError(f"{shown(value)} is a {other}, not a {self.kind.name}; use {self.offered}")
+            other = next((named(kind) for kind in KINDS if kind.dimension == dimension), "something else")
+            raise ValueError(f"{shown(value)} is {other}, not {named(self.kind)}; use {self.offered}")
         return scale
 
     def checked(self, value: Any, numbers: list[float]) -> list[float]:
@@ -268,6 +268,11 @@ def span(seconds: float) -> str:
         if seconds >= 2.0 * unit:
             return f"{seconds / unit:.4g} {name}"
     return f"{seconds:.4g} s"
+
+
+def named(kind: Kind) -> str:
+    """Return the name of a kind with its article."""
+    return f"{'an' if kind.name[0] in 'aeio' else 'a'} {kind.name}"
 
 
 def as_number(word: str) -> float | None:

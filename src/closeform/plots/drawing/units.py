@@ -69,7 +69,7 @@ def plural(count: int, noun: str) -> str:
 
 def signed_percent(share: float) -> str:
     """Return a relative change as a signed percentage."""
-    return f"{100 * share:+.3g} %".replace("-", "−")
+    return f"{100 * share:+z.3g} %".replace("-", "−")
 
 
 @dataclass(frozen=True)

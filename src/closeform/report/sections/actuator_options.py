@@ -25,7 +25,7 @@ NOTHING = 1e-9  # m/s: lower bound of a plan below which shares are meaningless
 CHOICE = (
     Column("option", "choice", words=True),
     Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
-    Column("above free minimum [%]", "above_least", "{:+.3f}".format, 100.0),
+    Column("above free minimum [%]", "above_least", "{:+z.3f}".format, 100.0),
     effort.FUEL,
 )
 

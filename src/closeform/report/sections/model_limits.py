@@ -152,7 +152,9 @@ def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
     rule = f"up to {ECCENTRICITY:g} e d, for an eccentricity e"
     known = orbit.eccentricity
     cause = (
-        f"eccentricity, e = {EXAMPLE:g} as an example" if known is None else f"the chief's e = {known:.5f}"
+        f"eccentricity, e = {EXAMPLE:g} as an example"
+        if known is None
+        else f"the chief's eccentricity, e = {known:.5f}"
     )
     yield cause, rule, (EXAMPLE if known is None else known) * ECCENTRICITY * far, limit
     if orbit.mu == EARTH_MU:
@@ -258,5 +260,6 @@ def estimate(mission: Mission) -> Iterator[str]:
         "not known" if e is None else f"= {e:.5f}"
     )
     whose = "the craft" if len(mission.scenario.craft) == 1 else "the craft with the largest error"
-    yield f"Model error of Hill's equations (estimate): about {metres(half)}, 95 % within {metres(most)}"
+    model = "the eccentric model" if neglected.eccentric else "Hill's equations"
+    yield f"Model error of {model} (estimate): about {metres(half)}, 95 % within {metres(most)}"
     yield f"    for {whose}, at {where}"

@@ -112,7 +112,7 @@ def transfer(mission: Mission, result: Moved) -> Section:
         optimality.append("No transfer within the limit: this is the path without a limit, not executed")
     elif choices.least is not None and choices.lower > 0.0:
         spent, lower = effort.asked(mission, result, name, path), choices.lower
-        above = f"{100.0 * (spent / lower - 1.0):.3f} % above the minimum of free thrust, {lower:.6g} m/s"
+        above = f"{100.0 * (spent / lower - 1.0):z.3f} % above the minimum of free thrust, {lower:.6g} m/s"
         optimality.append(f"Delta-v{' planned' * pulsed} {spent:.6g} m/s, {above}")
     paths = result.after.paths
     pictures = [
@@ -357,7 +357,7 @@ def cost_table(
     ]
     if "avoidance" in paths:
         pairs = zip(*(one[2:] for one in rows[-2:]), strict=True)
-        rows.append(("change", "", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
+        rows.append(("change", "", *(f"{100 * (b / a - 1):+z.3f} %" if a else None for a, b in pairs)))
     shown = effort.columns(mission, [path for _, path in paths.values()])
     duration = Column("lasts [s]" if lasts else None, form="{:.1f}".format)
     plan = effort.of_plan(shown, result.pulsed is not None)
@@ -442,7 +442,7 @@ def optimality(
     holds the contacts as text, and `names` the craft of the plan.
     """
     stage, fired, unit = result.stage, result.pulsed is not None, UNITS[plan.cost]
-    share = f"at most {100 * plan.gap:.3f} %, " if plan.lower_bound > 0.0 else ""
+    share = f"at most {100 * plan.gap:z.3f} %, " if plan.lower_bound > 0.0 else ""
     gap = f"Optimality gap{whose}: {share}lower bound {plan.lower_bound:.6g} {unit}"
     gap += " for these thrusters" * (fired and plan.cost == "delta-v")
     if not plan.proven:
