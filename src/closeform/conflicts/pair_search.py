@@ -39,6 +39,9 @@ from closeform.zones.shapes import (
 TOUCH = 1e-12
 ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
 COLUMNS = 5  # of a row of conflicts: pair, start, end, time, ratio
+# Types of arguments: two batches and the indices of pairs in them; and those of a search after these.
+PAIRS = (*(float64[:, ::1], int64[::1]) * 2, *(int64[::1],) * 2)
+SEARCH = (int64, FORM, float64[::1], *(float64[:, :, ::1],) * 2, float64[:, ::1], int64[::1])
 
 
 @kernel()
@@ -172,18 +175,7 @@ def cross_norm(scene, loaded, t, span, inside, patience):
     return cross(form[0], form[2], q, loaded[0], loaded[1], t, span, inside, patience)
 
 
-@kernel(
-    void(
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        FORM,
-        float64[:, ::1],
-    )
-)
+@kernel(void(*PAIRS, FORM, float64[:, ::1]))
 def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, form, out):
     """Fill `out` (P, 2) with the time and the minimum norm of every pair over its common time."""
     arcs, others = borrowed(arcs), borrowed(others)
@@ -267,23 +259,7 @@ def nearest_arcs(scene, begin, row):
     row[4], row[3] = closest(arcs, i, i_end, others, j, j_end, row[1], row[2], form, q)
 
 
-@kernel(
-    int64(
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        int64,
-        FORM,
-        float64[::1],
-        float64[:, :, ::1],
-        float64[:, :, ::1],
-        float64[:, ::1],
-        int64[::1],
-    )
-)
+@kernel(int64(*PAIRS, *SEARCH))
 def conflicts_of_pairs(
     arcs, offsets, others, other_offsets, first, second, pair, form, times, tracks, other_tracks, rows, done
 ):

@@ -55,6 +55,8 @@ MANY, LESS = 5_000, 10.0
 LONG = 6.0 * pi  # of a drift, in n t: the zone's shadow is checked first
 # Columns of the result of a pair; the position in zone coordinates, the failure as a cell.
 TIME, RATIO, ACCURACY, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 4, 7
+# Types of the arguments of a search, from `one` to `floor`.
+TASK = (*(SIDE_TYPE,) * 2, *(int64[::1],) * 2, float64[::1], float64, FORM, *(float64,) * 3, FORM, float64)
 
 
 @kernel()
@@ -263,20 +265,7 @@ def store_result(one, two, ratio, when, known, end, n, form, floor, room, result
         result[FAILURE + c] = worst[c]
 
 
-@kernel(
-    void(
-        *[SIDE_TYPE] * 2,
-        *[int64[::1]] * 2,
-        float64[::1],
-        float64,
-        FORM,
-        *[float64] * 3,
-        FORM,
-        float64,
-        ROOM_TYPE,
-        float64[:, ::1],
-    )
-)
+@kernel(void(*TASK, ROOM_TYPE, float64[:, ::1]))
 def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, shadow, floor, room, out):
     """Fill `out` with time and ratio of each pair's worst failure, and its columns (see `failure_cells`).
 

@@ -10,7 +10,7 @@ and the minimum norm in the shadow is the limit of theirs.                      
 
 from math import acos, atan2, inf, nan, pi, sqrt
 
-from numba import float64, int64, void
+from numba import float64, void
 
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
@@ -18,7 +18,6 @@ from closeform.motion.arc import START
 from closeform.safety.failure_cells import (
     FIRST,
     FROM,
-    SIDE_TYPE,
     choose,
     column_of,
     parameter_count,
@@ -26,11 +25,11 @@ from closeform.safety.failure_cells import (
     span_both,
 )
 from closeform.safety.failure_motions import GENERATORS, OTHER, ROOM_TYPE, open_window
-from closeform.safety.failure_search import ACCURACY, FAILURE, RATIO, TIME, fill_cells, store_result
+from closeform.safety.failure_search import ACCURACY, FAILURE, RATIO, TASK, TIME, fill_cells, store_result
 from closeform.safety.separating_planes import EITHER_WAY, march
 from closeform.safety.shadow import along_track, is_shadow
 from closeform.safety.single_failures import NEAR, aim, cut, near_by, note, propagate, target_below
-from closeform.zones.shapes import BALL, FORM
+from closeform.zones.shapes import BALL
 
 BESIDE = 1e-3  # of a cell: distance from a failure without drift at which the direction of drifts is sampled
 SHORTEST = 1e-9  # of a cell: smallest step along failures without drift
@@ -337,20 +336,7 @@ def continue_pair(one, two, end, n, form, scale, certain, most, shadow, floor, f
     store_result(one, two, ratio, when, max(known, late), end, n, form, floor, room, result)
 
 
-@kernel(
-    void(
-        *[SIDE_TYPE] * 2,
-        *[int64[::1]] * 2,
-        float64[::1],
-        float64,
-        FORM,
-        *[float64] * 3,
-        FORM,
-        *[float64] * 2,
-        ROOM_TYPE,
-        float64[:, ::1],
-    )
-)
+@kernel(void(*TASK, float64, ROOM_TYPE, float64[:, ::1]))
 def continue_failures(
     one, two, first, second, ends, n, form, scale, certain, most, shadow, floor, far, room, out
 ):

@@ -12,7 +12,7 @@ from numba import float64, int64, void
 from closeform._jit import kernel
 from closeform.conflicts.chief.minimum_norm import DEEP, minimum
 from closeform.conflicts.chief.sign_changes import DEPTH, excluded, window_changes
-from closeform.conflicts.pair_search import conflicts_from
+from closeform.conflicts.pair_search import PAIRS, SEARCH, conflicts_from
 from closeform.conflicts.quick_rejection import count_near, mark_near
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.chief.bernstein import SQUARE, TERMS
@@ -250,13 +250,7 @@ def nearest_segments(scene, begin, row):
     row[2] = instant(clock, row[2], since, until, start, end)
 
 
-@kernel(
-    int64(
-        *(TABLE, float64[:, ::1], float64[:, ::1], int64[::1], float64[:, ::1], int64[::1]),
-        *(int64[::1], int64[::1], int64, FORM, float64[::1], float64[:, :, ::1], float64[:, :, ::1]),
-        *(float64[:, ::1], int64[::1]),
-    )
-)
+@kernel(int64(TABLE, float64[:, ::1], *PAIRS, *SEARCH))
 def conflicts_of_pairs(
     table,
     errors,
@@ -300,20 +294,7 @@ def conflicts_of_pairs(
     return count
 
 
-@kernel(
-    void(
-        TABLE,
-        float64[:, ::1],
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        FORM,
-        float64[:, ::1],
-    )
-)
+@kernel(void(TABLE, float64[:, ::1], *PAIRS, FORM, float64[:, ::1]))
 def approaches_of_pairs(table, errors, segs, firsts, others, other_firsts, first, second, form, out):
     """Fill `out` (P, 2) with the time and the minimum norm of every pair over its common time."""
     clock, joints, turn, rows_of, steps = table
