@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import closeform as cf
 from closeform import plots
-from closeform.planning.both_sides import ways_around
+from closeform.planning.methods.both_sides import ways_around
 from closeform.zones.outlines import section, shadow
 
 ORBIT = cf.Orbit.circular(500e3)

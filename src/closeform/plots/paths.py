@@ -18,7 +18,7 @@ from closeform.conflicts.flight import stays_rather
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.motion.path import Path
-from closeform.planning.both_sides import ways_around
+from closeform.planning.methods.both_sides import ways_around
 from closeform.planning.requirements import ApproachCone
 from closeform.plots.clearances import Deviations, Failed
 from closeform.plots.drawing import space, style, units

@@ -1,1 +1,1 @@
-"""Methods of planning beside the joint optimum: craft by craft, by messages, and that of SP11."""
+"""Methods of planning beside the joint optimum: craft by craft, by messages, and those of SP11."""
