@@ -1,14 +1,13 @@
-"""What keeps paths from being a plan: violated zones and requirements, by how much and when."""
+"""Violations of zones and requirements that keep paths from being a plan: by how much and when."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from closeform.fuel.pulses import extended
 from closeform.planning.problem.problem import Problem, Trajectories
 
-MOST = 4  # violations that are told
+MOST = 4  # violations that are reported
 
 
 class Violation(NamedTuple):
@@ -26,21 +25,19 @@ def violations(problem: Problem, trajectories: Trajectories, names: Sequence[str
 
 def conflicts(problem: Problem, trajectories: Trajectories, names: Sequence[str]) -> Iterator[Violation]:
     """Yield the deepest conflict of each pair, with thrust or after its loss, the deepest first."""
-    planned = problem.path(trajectories)
-    each = (planned[k] for k in range(problem.count))
-    whole = problem.with_path(*(extended(own, problem.first, problem.last) for own in each))
+    whole = problem.whole(trajectories)
     met = problem.conflicts(whole)
     every, ratios = problem.met(met), np.array([row[3] for _, row in met])
     if problem.drift is not None:
         from closeform.planning.passive.passive_search import failures_with_norms  # needs kernels of its own
 
-        failed, norms = failures_with_norms(problem, planned, problem.bodies(whole))
+        failed, norms = failures_with_norms(problem, problem.path(trajectories), problem.bodies(whole))
         every, ratios = every.joined(failed), np.append(ratios, norms)
-    told = set()
+    seen = set()
     for k in np.argsort(ratios, kind="stable").tolist():
-        if every.which[k] in told:
+        if every.which[k] in seen:
             continue
-        told.add(every.which[k])
+        seen.add(every.which[k])
         (one, other), drifts, time = problem.pairs[every.which[k]].tolist(), every.drifts[k], every.times[k]
         one, other = (other, one) if drifts[1] > 0.0 else (one, other)
         near = f"reaches {ratios[k]:.4f} x zone from" if ratios[k] < 1.0 else "is not shown to be clear of"
@@ -53,10 +50,10 @@ def broken_requirements(
     problem: Problem, trajectories: Trajectories, names: Sequence[str]
 ) -> Iterator[Violation]:
     """Yield each requirement on a single spacecraft that its path violates, where it does so most."""
-    paths, bodies = problem.path(trajectories), problem.bodies(trajectories)
-    for i, own in enumerate(problem.requirements):
+    paths = problem.path(trajectories)
+    for i, own in enumerate(problem.requirements_among(trajectories)):
         for one in own:
-            worst, kind = one._among(bodies, i)._worst(paths[i]), type(one).__name__
+            worst, kind = one._worst(paths[i]), type(one).__name__
             if worst.margin < 0.0:
                 by = f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"
                 yield Violation(f"{names[i]} violates its {kind} {by}")

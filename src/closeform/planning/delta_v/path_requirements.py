@@ -40,7 +40,7 @@ class PathRequirements:
     def violations(self, trajectories: Trajectories) -> float:
         """Add planes where paths leave the requirements; return the largest shortfall in reserves."""
         paths, short = self.problem.path(trajectories), -inf
-        for i, own in enumerate(self.among(trajectories)):
+        for i, own in enumerate(self.problem.requirements_among(trajectories)):
             for one in own:
                 worst = one._worst(paths[i])
                 fresh = self.supporting(i, one, worst.times, worst.states)
@@ -56,13 +56,8 @@ class PathRequirements:
         """
         self.trajectories, paths = trajectories, self.problem.path(trajectories)
         short = max(self.violations(trajectories), 0.0)
-        every = ((one, i) for i, own in enumerate(self.among(trajectories)) for one in own)
-        return short if short or all(one.holds(paths[i]) for one, i in every) else UNPROVEN
-
-    def among(self, trajectories: Trajectories) -> list[list[Requirement]]:
-        """Return the requirements of each craft, among the paths of all bodies."""
-        bodies = self.problem.bodies(trajectories)
-        return [[one._among(bodies, i) for one in own] for i, own in enumerate(self.problem.requirements)]
+        each = enumerate(self.problem.requirements_among(trajectories))
+        return short if short or all(one.holds(paths[i]) for i, own in each for one in own) else UNPROVEN
 
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
         """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
@@ -158,7 +153,7 @@ class PathRequirements:
         """Return axes (C, J, 3) and half-angles (C, J) without thrust of a craft, during moments (J,)."""
         axes, angles = [np.empty((0, len(times), 3))], [np.empty((0, len(times)))]
         path, none = self.problem.path(self.trajectories)[i], np.zeros(len(times))
-        for one in self.among(self.trajectories)[i]:
+        for one in self.problem.requirements_among(self.trajectories)[i]:
             if isinstance(one, ThrustRequirement):
                 for share in INSTANTS if widths.any() else INSTANTS[:1]:
                     instants = times + share * widths

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.orbit import Orbit
@@ -60,14 +59,11 @@ class ImpulseFailures:
 
         The absence of conflicts is certified.
         """
-        problem = self.problem
-        planned = problem.path(trajectories)
-        each = [extended(planned[k], problem.first, problem.last) for k in range(problem.count)]
-        until_the_end = problem.with_path(*each)
-        missed = problem.conflicts(until_the_end)
+        problem, whole = self.problem, self.problem.whole(trajectories)
+        missed = problem.conflicts(whole)
         lost, nearest = self.near(trajectories, known)
         if nearest >= 1.0 and not missed:
-            certain = failures(problem, planned, problem.bodies(until_the_end))
+            certain = failures(problem, problem.path(trajectories), problem.bodies(whole))
             if certain.number:
                 lost, nearest = self.near(trajectories, known.joined(certain))
                 nearest = min(nearest, INSIDE)

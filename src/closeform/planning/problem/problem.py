@@ -10,6 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.pair_rows import conflicts_of, tracks_of_all
+from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, IMPULSE, PUSH, START, WIDTH
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.effort import ENERGY
@@ -369,6 +370,16 @@ class Problem:
     def energy(self, trajectories: Trajectories) -> float:
         """Return the control energy [m^2/s^3] of all craft together."""
         return float(self.path(trajectories)._total(ENERGY).sum())
+
+    def whole(self, trajectories: Trajectories) -> Trajectories:
+        """Return paths of all bodies with those of the craft extended to the first and the last time."""
+        planned = self.path(trajectories)
+        return self.with_path(*(extended(planned[k], self.first, self.last) for k in range(self.count)))
+
+    def requirements_among(self, trajectories: Trajectories) -> list[list[Any]]:
+        """Return the requirements of each craft, among the paths of all bodies."""
+        bodies = self.bodies(trajectories)
+        return [[one._among(bodies, i) for one in own] for i, own in enumerate(self.requirements)]
 
     def path(self, trajectories: Trajectories) -> Path:
         """Return the craft's paths, of shape (N,)."""
