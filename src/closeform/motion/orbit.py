@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, instance, number, positive, shown, size
-from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, acceleration
 from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief.yamanaka_ankersen import KeplerChief
@@ -368,8 +368,8 @@ class Orbit(CircularOrbit, ReferenceOrbit):
         """
         n = self.mean_motion
         x, z, speeds = arcs[:, STATE], arcs[:, STATE + 2], arcs[:, STATE + 3 : STATE + 6]
-        natural = [3.0 * n * n * x + 2.0 * n * speeds[:, 1], -2.0 * n * speeds[:, 0], -n * n * z]
-        accelerations = np.stack(natural, axis=1) + arcs[:, PUSH : PUSH + 3] + arcs[:, THRUST : THRUST + 3]
+        natural = np.stack(acceleration(n, x, z, speeds[:, 0], speeds[:, 1]), axis=1)
+        accelerations = natural + arcs[:, PUSH : PUSH + 3] + arcs[:, THRUST : THRUST + 3]
         bend, jerk = self._largest_rates(speeds, accelerations)
         pushed = self._largest_rates(arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : THRUST + 6])[0]
         grown = pushed * (arcs[:, END] - arcs[:, START])

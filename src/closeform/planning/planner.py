@@ -71,16 +71,12 @@ def attempt(request: Request, more: bool = False) -> Plan:
         sigmas=problem.sigmas,
         padding=0.0 if request.padding is None else request.padding.told,
     )
-    kept = next(
-        (own for own, trajectories in candidates(request, problem) if is_clear(problem, own, trajectories)),
-        None,
-    )
+    if reason := end_outside(problem, request):
+        return replace(plan, status=Status.END_OUTSIDE, reason=reason, cost=request.cost)
+    clear = (own for own, paths in candidates(request, problem) if is_clear(problem, own, paths))
+    kept = None if request.requirements else next(clear, None)  # clear paths may not keep requirements
     if request.cost == "delta-v":
         return of_least_delta_v(plan, problem, request, more, kept)
-    if request.requirements:
-        kept = None  # clear paths may not keep them
-        if reason := end_outside(problem, request):
-            return replace(plan, status=Status.END_OUTSIDE, reason=reason)
     if kept is not None:
         return unchanged(plan, kept)
     if none := infeasible_end(problem, request):
@@ -183,10 +179,6 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
     Clear paths are `kept` unless cheaper ones are found.
     """
     names, limits = request.names, request.limits
-    if request.requirements:
-        kept = None  # clear paths may not keep them
-        if reason := end_outside(problem, request):
-            return replace(plan, status=Status.END_OUTSIDE, reason=reason, cost="delta-v")
     if kept is None and (none := infeasible_end(problem, request)):
         free = unconstrained(problem, request.thrusters, names)
         if problem.drift is not None or not free.checked.clear:

@@ -272,15 +272,15 @@ class Request:
                         f"requirements: at minimum energy a spacecraft always thrusts, which {kind} may not "
                         "allow; set cost 'delta-v', or omit it"
                     )
-            unsupported: dict[str, Any] = {
-                "drift": self.drift,
-                "prove": self.proof_time or None,
+            unsupported = {
+                "drift": self.drift is not None,
+                "prove": self.proof_time > 0.0,
+                "method": self.method not in ("joint", "exact"),
             }
-            unsupported["method"] = None if self.method in ("joint", "exact") else self.method
             for name, given in unsupported.items():
-                if given is not None:
+                if given:
                     raise ValueError(
-                        f"{name}: with requirements it needs cost 'delta-v'; set it, or omit one"
+                        f"{name}: with requirements it requires cost 'delta-v'; set it, or omit one"
                     )
         if self.proof_time and self.cost == "delta-v" and self.limits is not None:
             raise ValueError("prove: cannot be combined with max_acceleration and cost 'delta-v'; omit one")

@@ -34,12 +34,9 @@ FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 Failing = Literal["path", "other", "either", "both"]
 Losses = Callable[[Floats], tuple[Floats, Floats]]  # times (K,) of losses and states (K, 6) from places (K,)
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
-# Losses of thrust beside any chief, over a path and amid each impulse, then near the lowest MINIMA of them.
-LOSSES, MINIMA = (200, *(21,) * 5), 4
-INSTANTS, SHARES = (
-    1000,
-    65,
-)  # of a drift, at which the nearest share of an impulse is found, and further shares
+# About any chief: sampled losses of thrust along a path, then near the MINIMA lowest of all, and equally
+# spaced fractions of an impulse.  The nearest fractions at INSTANTS of the drift are sampled as well.
+LOSSES, MINIMA, SHARES, INSTANTS = (200, *(21,) * 5), 4, 65, 1000
 CERTAIN, HALVINGS = 0.999, 8  # of the minimum found: bound that is proven, or else halvings to one that is
 
 
