@@ -24,6 +24,7 @@ ALONG = 1e-6  # of a thrust: smaller parts perpendicular to a cone's axis are ro
 PAIRED = 1e-3  # of a craft's time: between impulses on opposite sides of a cone
 INSTANTS = 0.0, 0.5, 1.0  # shares of a burn at which its direction is kept out of cones
 UNPROVEN = 1e-6  # reserves: shortfall of paths that keep the requirements without proof
+GIVEN = 1e-5  # of a craft's time: so near its ends it cannot move aside, and a plane would take a huge impulse
 SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
 
 
@@ -62,17 +63,16 @@ class PathRequirements:
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
         """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
         start, end = self.problem.base[i, [START, END]]
+        rows, near = np.array([one._slope(state) for state in states]).reshape(-1, 6), GIVEN * (end - start)
+        free = rows[:, 3:].any(axis=1) | ((times > start + near) & (times < end - near))
+        kept = free & (times > start) & (times <= end)
+        times, states, rows = times[kept], states[kept], rows[kept]
         times = np.minimum(times, end - AFTER * (end - start))  # before an impulse at the end
-        times, states = times[times > start], states[times > start]
         planes = Planes.room(len(times))
-        planes.times[:], planes.first[:], planes.second[:] = times, i, -1
+        planes.times[:], planes.rows[:], planes.first[:], planes.second[:] = times, rows, i, -1
         planes.cuts[:] = times[:, None]
         coasts = self.problem.orbit.transition(times - start, start) @ self.problem.base[i, STATE : STATE + 6]
-        margins = one._margin(states)
-        for k, state in enumerate(states):
-            slope = one._slope(state)
-            planes.rows[k] = slope
-            planes.misses[k] = slope @ (state - coasts[k]) - margins[k]
+        planes.misses[:] = (rows * (states - coasts)).sum(axis=1) - one._margin(states)
         return planes
 
     def placed(self) -> Planes:
