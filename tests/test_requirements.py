@@ -425,6 +425,21 @@ def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
     assert not all(one.met for one in stage.result.kept(wide))
 
 
+@pytest.mark.parametrize("end", [-10.0, -10.00005])
+def test_end_on_the_surface_costs_no_more_than_one_inside(end):
+    """Half an orbit to a face of a keep-in box, whose other faces the path touches."""
+    orbit = cf.Orbit.circular(600e3)
+    box = cf.requirements.KeepIn(zone=cf.Box([20.0, 130.0, 100.0]), centre=[0, -140, 0])
+    given = {"cost": "delta-v", "requirements": [box], "if_blocked": ()}
+    on, inside = (
+        cf.reconfigure(orbit, [[0, -250, 0, 0, 0, 0]], [[0, y, 0, 0, 0, 0]], orbit.period / 2, None, **given)
+        for y in (end, -10.001)
+    )
+    assert on.ok
+    assert inside.ok
+    assert on.delta_v <= 1.001 * inside.delta_v
+
+
 @pytest.mark.parametrize("limit", [0.03, 0.05])
 def test_speed_limit_holds_up_to_the_last_impulse(limit):
     """Half an orbit from 250 m to rest at 10 m: the last impulse must not brake from above the limit."""

@@ -24,7 +24,7 @@ ALONG = 1e-6  # of a thrust: smaller parts perpendicular to a cone's axis are ro
 PAIRED = 1e-3  # of a craft's time: between impulses on opposite sides of a cone
 INSTANTS = 0.0, 0.5, 1.0  # shares of a burn at which its direction is kept out of cones
 UNPROVEN = 1e-6  # reserves: shortfall of paths that keep the requirements without proof
-GIVEN = 1e-5  # of a craft's time: so near its ends it cannot move aside, and a plane would take a huge impulse
+GIVEN = 1e-5  # of a craft's time: so near its ends its position is given, and a plane takes a huge impulse
 SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
 
 
