@@ -57,3 +57,5 @@ def broken_requirements(
             if worst.margin < 0.0:
                 by = f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"
                 yield Violation(f"{names[i]} violates its {kind} {by}")
+            elif not one.holds(paths[i]):
+                yield Violation(f"{names[i]} is not shown to keep its {kind}")
