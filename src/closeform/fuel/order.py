@@ -136,8 +136,8 @@ def _pulses(
     """Return chunks as pulses, in order of time."""
     turned = thrusters.directions_at(path.orbit, chunks.centroid)
     units = turned[np.arange(len(chunks)), chunks.thruster]
-    whose = np.full(len(chunks), craft)
-    columns = Pulses(whose, chunks.thruster, begin, over - begin, units, chunks.impulse, burned)
+    crafts = np.full(len(chunks), craft)
+    columns = Pulses(crafts, chunks.thruster, begin, over - begin, units, chunks.impulse, burned)
     return columns[np.lexsort((chunks.thruster, begin))]
 
 

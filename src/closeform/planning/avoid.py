@@ -52,7 +52,7 @@ def avoid(
     obstacles : Path or sequence of Path
         One path, a Path of shape (M,) or M paths in the same orbit: coasting, thrusting or sampled.
     zone : Zone, CovarianceZone, Body, sequence of these, or PairZones
-        One for all, or one for each obstacle; the craft itself is a point whose position is known exactly.
+        One for all, or one for each obstacle; the craft itself is a point at an exactly known position.
         If the craft has a zone of its own, use `PairZones` of the craft and the obstacles.
     method : "exact" or "sauter-palmer", default "exact"
         "exact": minimum energy with active constraints at contacts; the planner searches over passing sides.

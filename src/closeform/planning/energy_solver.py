@@ -221,7 +221,7 @@ class EnergySolver(ImpulseSolver):
         return np.hstack([-speed, place + turned])
 
     def thrusting(self, i: int, planes: Planes, multipliers: Floats, begun: Floats) -> Path:
-        """Return the path of a craft whose primer has the start `begun` (6,), and jumps at planes."""
+        """Return the path of a craft from the start `begun` (6,) of its primer, which jumps at planes."""
         orbit, arc = self.problem.orbit, self.problem.base[i].copy()
         side = 1.0 * (planes.first == i) - 1.0 * (planes.second == i)
         pushes = (side * multipliers)[:, None] * self.jumps(planes.rows)

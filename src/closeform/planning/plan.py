@@ -199,7 +199,7 @@ class Plan(Result):
     reason : str
         Outcome as text.
     blocked : tuple of int, or None
-        The two spacecraft whose conflict could not be resolved; N + k for obstacle k.
+        The two spacecraft of the conflict that could not be resolved; N + k for obstacle k.
     measures : tuple of str
         Fallbacks and measures tried, in order.
     clearance_ratio : float, no unit

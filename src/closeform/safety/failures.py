@@ -26,9 +26,9 @@ class ThrustLost:
 
 @dataclass(frozen=True)
 class MissedBurns:
-    """Missed or incomplete burns: each gives its own share, and later burns are still executed.
+    """Missed or incomplete burns: each gives its own fraction, and later burns are still executed.
 
-    A burn is an impulse, or an interval of continuous thrust.  All shares are independent: with
+    A burn is an impulse, or an interval of continuous thrust.  All fractions are independent: with
     `least=0` any burns may be missed, one, some, or all from one on; the plan is executed open
     loop, without knowledge of missed burns.
 
@@ -57,7 +57,7 @@ class MissedBurns:
 class DegradedThrust:
     """Degraded thrust: from any instant on, all thrust is the same fraction of the planned thrust.
 
-    The share is any from `least` up to 1, and the plan is executed open loop, impulses included.
+    The fraction is any from `least` up to 1, and the plan is executed open loop, impulses included.
 
     Parameters
     ----------

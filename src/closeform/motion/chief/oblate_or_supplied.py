@@ -89,7 +89,7 @@ class OblateChief:
         e, count = self.osculating.eccentricity, max(len(self.osculating.table.joints), FEWEST)
         clock = self.osculating.table.clock
         first, last = angles_at(clock, np.array(self.span))
-        end = min(last, first + 2.0 * np.pi)  # a revolution tells how many windows are needed
+        end = min(last, first + 2.0 * np.pi)  # a revolution shows how many windows are needed
         while True:
             made = self._with(clock, joints_of(e, count, first, end))
             if not (accurate(made, WANTED) or count > MOST):

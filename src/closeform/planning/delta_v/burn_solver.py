@@ -88,8 +88,8 @@ class BurnSolver(ImpulseSolver):
     def unconstrained(self) -> Spent:
         """Return the minimum delta-v of each craft alone within its limit, without keep-out zones.
 
-        Raises TooLittleThrust for a craft whose limit is proven to be too low, and ValueError for one whose
-        thrusters cannot perform its transfer.
+        Raises TooLittleThrust if a craft's limit is proven to be too low, and ValueError if its thrusters
+        cannot perform its transfer.
         """
         problem, paths, least = self.problem, [], 0.0
         if problem.beside is not None:  # switching burns without slots are known for Hill's equations only

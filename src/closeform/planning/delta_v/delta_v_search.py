@@ -55,8 +55,8 @@ def solve_impulses(
     """Return the best paths of minimum delta-v, and the unconstrained optima; `budget` limits the starts.
 
     Burns are within `limits` (N,) [m/s^2], if given.  If no impulses are clear, craft without thrusters
-    receive the paths of minimum energy of `by_energy`, with their delta-v.  Raises ValueError naming a craft
-    whose thrusters cannot reach its final state, and TooLittleThrust for a craft whose limit is too low.
+    receive the paths of minimum energy of `by_energy`, with their delta-v.  Raises ValueError, naming the
+    craft, if its thrusters cannot reach its final state, and TooLittleThrust if its limit is too low.
     """
     failures = None
     if problem.drift is not None:

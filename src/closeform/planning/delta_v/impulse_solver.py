@@ -129,7 +129,7 @@ class ImpulseSolver:
     def unconstrained(self) -> Spent:
         """Return the minimum delta-v of each craft alone, without keep-out zones.
 
-        Raises ValueError for a craft whose thrusters cannot perform its transfer.
+        Raises ValueError if the thrusters of a craft cannot perform its transfer.
         """
         base = self.problem.base
         if self.problem.beside is not None and self.pushes.fixed.any():

@@ -48,7 +48,7 @@ class PulseSolver(ImpulseSolver):
 
     @classmethod
     def of(cls, impulses: ImpulseSolver) -> Self:
-        """Return the pulse solver for a solver whose craft all have thrusters with an acceleration."""
+        """Return the pulse solver for a solver of craft with thrusters of given acceleration."""
         solver = cls(impulses.problem, impulses.thrusters, impulses.names, impulses.failures)
         solver.least += ROOM
         solver.fired_by = [own for own in impulses.thrusters if own is not None]

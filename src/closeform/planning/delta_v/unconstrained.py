@@ -21,7 +21,7 @@ def answers_alone(
 ) -> Floats:
     """Return the solutions (P, 34) of one transfer of each craft, as `Orbit._answers` does.
 
-    Raises ValueError that names the craft whose thrusters cannot perform its transfer, with the reason.
+    Raises ValueError, naming the craft and the reason, if its thrusters cannot perform its transfer.
     """
     free = np.array([own is None for own in thrusters])
     if free.all():

@@ -85,7 +85,7 @@ def by_messages(
     """Return paths of all craft that plan at once, in rounds, each from the messages that have reached it.
 
     At first each knows the boundary conditions of all, and so their paths of minimum energy.  In each round
-    every craft whose plan is in conflict with a received one of a craft before it in `order` plans again,
+    every craft with a plan in conflict with a received one of a craft before it in `order` plans again,
     around the received plans of all craft before it.  What it publishes reaches craft j after `delays` (N, N)
     rounds, [sender, receiver].  A craft is final once those before it are, so the rounds end.
     """

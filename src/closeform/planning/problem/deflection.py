@@ -13,7 +13,7 @@ A contact of craft i and j pushes both with one force, opposite in sign.  The re
 another is therefore a signed sum over the craft that they share.  Each contact stores A, A', B^T and B'^T
 in its zone's coordinates for either craft: `factors` (2, 4, 3, 6).
 
-A craft whose thrust was lost at s responds at t through its state at s, followed by natural motion:
+After a loss of thrust at s a craft responds at t through its state at s, followed by natural motion:
 
     A = E Phi(t, s) [A(s); A'(s)],    B^T = E Phi(t, s) [B(s)^T; B'(s)^T]                      # theory (71)
 
