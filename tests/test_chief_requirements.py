@@ -149,3 +149,17 @@ def test_thrusters_in_fixed_directions_have_the_cost_of_a_linear_program():
         assert (thrusters.directions @ jump).max() > 0.5 * np.linalg.norm(jump)
     assert np.abs(with_impulses(plan.path, times)[-1] - end).max() < 1e-6
     assert not cf.find_conflicts(plan.path, rock, cf.Sphere(20.0))
+
+
+def test_fixed_thrusters_of_one_craft_and_a_thrust_limit_of_another():
+    """Two craft far apart: impulses along the axes by one, burns by the other."""
+    orbit, axes = orbit_of(0.1), cf.Thrusters([*np.eye(3), *-np.eye(3)])
+    starts = np.array([START, START + [0, 5e3, 0, 0, 0, 0]])
+    given = {"start": BEGIN, "cost": "delta-v", "thrusters": [axes, None], "max_acceleration": [np.inf, 2e-3]}
+    plan = cf.reconfigure(orbit, starts, starts + END - START, TIME, cf.Sphere(20.0), **given)
+    assert plan.ok, plan.reason
+    first, second = plan.paths[0], plan.paths[1]
+    assert first.impulses
+    assert not second.impulses
+    assert second.peak_thrust <= 2e-3 * (1 + 1e-9)
+    assert plan.lower_bound <= plan.delta_v <= 1.05 * plan.lower_bound

@@ -126,7 +126,10 @@ class BurnSolver(ImpulseSolver):
     def alone(self) -> Spent | None:
         """Return the unconstrained optimum on slots, with the bound of impulses; None without one."""
         found = super().alone()
-        return found and replace(found, least=super().unconstrained().least)
+        if found is None:
+            return None
+        impulses = ImpulseSolver(self.problem, self.thrusters, self.names)
+        return replace(found, least=impulses.unconstrained().least)
 
     def tightened(self, safe: Spent) -> Spent | None:
         """Return clear burns within the limits near safe impulsive paths; None without any.
