@@ -368,7 +368,8 @@ class ChiefOrbit(ReferenceOrbit):
     def _bends(self, arcs: Floats) -> tuple[Floats, Floats]:
         """Return bounds (A,) on acceleration [m/s^2] and jerk [m/s^3] of arcs (A, 30).
 
-        They are those of the coefficients of the velocity by the angle of the clock, and of its largest rate.
+        The coefficients bound the derivatives of the velocity by the clock's angle, and its rate is largest
+        nearest to perigee.
         """
         table, (rate, e, _) = self.chief.table, self.chief.table.clock
         segments, firsts = self._segments(np.ascontiguousarray(arcs), np.arange(len(arcs) + 1))
