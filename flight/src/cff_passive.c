@@ -18,7 +18,6 @@
 #define EDGES_EVALUATIONS 30U
 #define WAYS 6U    /* directions in which to look for a failure that leads inside */
 #define PROBES 18U /* up to a quarter of a window */
-#define ON_JOINT 1.0e-14
 
 /* Drifts after the failures of one window, in a later window or the same. */
 typedef struct {
@@ -290,8 +289,8 @@ static cff_verdict_t judge_drifts(drift_t *drift, const cff_cursor_t *place, dou
         } else {
             t = (high >= last) ? drift->until : cfi_time(chief, high);
         }
-        on = (verdict == CFF_SAFE) && (high < (last - ON_JOINT));
-        if (on && (high >= (window_end - ON_JOINT))) {
+        on = (verdict == CFF_SAFE) && (high < (last - CFF_ON_JOINT));
+        if (on && (high >= (window_end - CFF_ON_JOINT))) {
             advance(drift);
         }
         if (on) {
@@ -345,7 +344,7 @@ static cff_verdict_t judge_failures(drift_t *drift, const cff_path_t *path, cons
     const double begin = cfi_angle(chief, *t);
     const double arc_end = cfi_angle(chief, arc->end_s);
     const double window_end = cfi_window_end(chief, place);
-    const double end = (window_end < (arc_end - ON_JOINT)) ? cfi_time(chief, window_end) : arc->end_s;
+    const double end = (window_end < (arc_end - CFF_ON_JOINT)) ? cfi_time(chief, window_end) : arc->end_s;
     const double u0 = cfi_share(chief, place, begin);
     const double u1 = cfi_share(chief, place, cfi_min(window_end, arc_end));
     cff_verdict_t verdict = CFF_SAFE;

@@ -244,7 +244,6 @@ cff_status_t cff_transfer_beside(const cff_table_t *chief, double start_s, doubl
 /* The energy of an arc: its optimal thrust is a natural motion, of which views are integrated by Gauss's rule. */
 static double energy_of(const cff_path_t *path, uint32_t k)
 {
-    static const cff_zone_t metres = {CFF_ELLIPSOID, {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
     cff_arc_t primer = {0};
     const cff_path_t coast = {&primer, 1U, path->chief};
     cff_cursor_t place;
@@ -261,7 +260,7 @@ static double energy_of(const cff_path_t *path, uint32_t k)
     bool on = (t < primer.end_s);
     while (on) { /* at most CFF_MOST_WINDOWS turns, or CFF_LARGEST_ANGLE_RAD over that of a view */
         cfi_view_t view;
-        cfi_see(&coast, &place, NULL, NULL, t, primer.end_s, &metres, &view);
+        cfi_see_coast(&coast, &place, t, primer.end_s, &view);
         for (uint32_t m = 0U; m < (2U * NODES); m++) {
             const double u = 0.5 + (((m % 2U) == 0U) ? (0.5 * NODE[m / 2U]) : (-0.5 * NODE[m / 2U]));
             const double weight = 0.5 * WEIGHT[m / 2U] * cfi_pace(&view, u);
