@@ -1,4 +1,4 @@
-"""What the flight core promises, against integrated equations of motion, in slices, and for bad input."""
+"""Guarantees of the flight core, against integrated equations of motion, in slices, and for bad input."""
 
 import numpy as np
 import pytest
