@@ -11,7 +11,8 @@
  * No heap, no recursion, no function pointer, no writable static data; of libm only sqrt and fabs.
  * Every loop has a bound that is known at compile time or is paid for by `evaluations`, the unit of
  * execution time.  A function that runs out of evaluations returns CFF_MORE and the time up to which its
- * answer is certified; call it again to continue.
+ * answer is certified; call it again to continue.  cff_closest_approach and cff_avoid do not continue: call
+ * them again with more evaluations.
  *
  * A call that returns CFF_BAD_INPUT leaves its outputs unchanged.  Reentrant.  Pointers must not be null
  * and are not kept, except those of cff_conflicts_begin and the table of cff_impulses_begin.

@@ -263,7 +263,7 @@ def row(values: Any) -> str:
     if numbers.ndim == 2 and numbers.shape != (3, 3):
         return "{" + ", ".join(map(row, numbers)) + "}"
     text = ", ".join(float(one).hex() for one in numbers.ravel())
-    return "{" + text.replace("nan", "NAN") + "}"  # mean motion of an arc beside a table
+    return "{" + text.replace("nan", "NAN") + "}"  # mean motion of an arc about an eccentric chief
 
 
 def vectors() -> str:
