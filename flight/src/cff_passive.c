@@ -310,7 +310,7 @@ static void fill(drift_t *drift, const cff_cursor_t *place, double u0, double u1
         lost.columns[j] = ((j >= 3U) && (j < 6U)) ? (impulse[j - 3U] / chief->rate_rad_s) : 0.0;
     }
     if (u0 > 0.0) {
-        (void)cfi_go_back(chief, &lost, u0);
+        cfi_go_back(chief, &lost, u0);
     }
     for (uint32_t q = 0U; q < 9U; q++) {
         wrong += fabs(place->columns[COSTATE + q]) * chief->return_errors[((size_t)place->window * 9U) + q];
@@ -370,7 +370,7 @@ static void first_place(const cff_path_t *path, double t, cff_cursor_t *place)
            (path->arcs[place->arc].start_s < t)) { /* at most all arcs */
         place->arc++;
     }
-    (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+    cfi_place(path->chief, &path->arcs[place->arc], t, place);
 }
 
 /* Go on to the next window or arc of a path after time t; false at its end. */
@@ -381,7 +381,7 @@ static bool go_on(const cff_path_t *path, cff_cursor_t *place, double t)
         cfi_go_on(path->chief, place, t);
     } else if ((place->arc + 1U) < path->count) {
         place->arc++;
-        (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+        cfi_place(path->chief, &path->arcs[place->arc], t, place);
     } else {
         on = false;
     }

@@ -214,8 +214,8 @@ static void flow(const cff_table_t *chief, uint32_t window, const double weights
     }
 }
 
-/* Replace the columns at u by those at the beginning of the window. */
-bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
+/* Replace the columns at u by those at the beginning of the window: transition matrices are not singular. */
+void cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
 {
     double weights[CFF_TERMS];
     double matrix[6][6];
@@ -223,13 +223,12 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
     double *z = place->columns;
     cfi_weights(u, weights);
     flow(chief, place->window, weights, matrix);
-    bool good = true;
     bool driven = false;
     for (uint32_t j = COSTATE; j < PUSH; j++) {
         driven = driven || (z[j] != 0.0);
     }
     if (driven) {
-        good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE], columns);
+        (void)cfi_solve(&matrix[0][0], 6U, &z[COSTATE], columns);
         flow(chief, place->window, weights, matrix);
     }
     for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
@@ -237,8 +236,7 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
             z[i] -= z[j] * at(chief, place->window, j, i, weights);
         }
     }
-    good = cfi_solve(&matrix[0][0], 6U, z, columns) && good;
-    return good;
+    (void)cfi_solve(&matrix[0][0], 6U, z, columns);
 }
 
 /* Go on to the next window. */
@@ -280,8 +278,8 @@ void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t)
     }
 }
 
-/* Set a place to where an arc is at time t; false if the table is singular. */
-bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place)
+/* Set a place to where an arc is at time t. */
+void cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place)
 {
     const double n = chief->rate_rad_s;
     const double begin = cfi_angle(chief, arc->start_s);
@@ -302,9 +300,10 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
         place->columns[PUSH + i] = arc->push_m_s2[i] / (n * n);
     }
     const double u = cfi_share(chief, place, begin);
-    const bool good = (u > 0.0) ? cfi_go_back(chief, place, u) : true;
+    if (u > 0.0) {
+        cfi_go_back(chief, place, u);
+    }
     cfi_go_on(chief, place, t);
-    return good;
 }
 
 /* State and thrust at time t of an arc beside the chief. */
@@ -313,7 +312,7 @@ void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cff
     const double n = chief->rate_rad_s;
     cff_cursor_t place;
     double z[CFF_COLUMNS];
-    (void)cfi_place(chief, arc, t, &place);
+    cfi_place(chief, arc, t, &place);
     cfi_columns_at(chief, &place, t, z);
     for (uint32_t i = 0U; i < 3U; i++) {
         state->position_m[i] = z[i];

@@ -55,7 +55,7 @@ void cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t)
         arc++;
     }
     if ((path->chief != NULL) && (arc != place->arc)) {
-        (void)cfi_place(path->chief, &path->arcs[arc], t, place);
+        cfi_place(path->chief, &path->arcs[arc], t, place);
     } else if (path->chief != NULL) {
         cfi_go_on(path->chief, place, t);
     } else {
@@ -69,7 +69,7 @@ void cfi_begin_place(const cff_path_t *path, cff_cursor_t *place, double t)
 {
     place->arc = cfi_locate(path, t);
     if (path->chief != NULL) {
-        (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+        cfi_place(path->chief, &path->arcs[place->arc], t, place);
     }
 }
 
