@@ -2,7 +2,7 @@
  * Natural motion and transfer of minimum energy (closeform/motion/steering.py, linear.py, effort.py).
  *
  * The optimal thrust is a natural motion itself, fixed by its start and start rate.  The response to
- * those six numbers is well conditioned down to n = 0; it is solved for, and once more on what is left.
+ * those six numbers is well conditioned down to n = 0; it is solved for, and once more on the residual.
  */
 #include <math.h>
 #include <stddef.h>
@@ -142,7 +142,7 @@ bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const
     for (uint32_t i = 0U; i < SIX; i++) {
         thrust[i] = 0.0;
     }
-    for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on what rounding left */
+    for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on the residual of rounding */
         double work[SIX][SIX];
         double rhs[SIX];
         double columns[SIX];
