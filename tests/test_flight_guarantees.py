@@ -1,4 +1,4 @@
-"""What the flight core promises, against integrated equations of motion, in slices, and for bad input."""
+"""Guarantees of the flight core, against integrated equations of motion, in slices, and for bad input."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ ZONE = cf.Ellipsoid([20.0, 40.0, 30.0])
 
 
 def flown(path, since, until):
-    """Return the state of a path at times: integrated linear equations of motion beside a Kepler orbit."""
+    """Return the state of a path at times: integrated linear equations of motion about a Kepler orbit."""
     if path.orbit is CIRCLE:
         axis, e = (MU / CIRCLE.mean_motion**2) ** (1 / 3), 0.0
     else:

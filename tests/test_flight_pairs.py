@@ -1,4 +1,4 @@
-"""The flight core against the package: motion, conflicts, avoidance and passive safety, beside each chief."""
+"""The flight core against the package: motion, conflicts, avoidance and passive safety, about each chief."""
 
 import numpy as np
 import pytest

@@ -11,7 +11,8 @@
  * No heap, no recursion, no function pointer, no writable static data; of libm only sqrt and fabs.
  * Every loop has a bound that is known at compile time or is paid for by `evaluations`, the unit of
  * execution time.  A function that runs out of evaluations returns CFF_MORE and the time up to which its
- * answer is certified; call it again to continue.
+ * answer is certified; call it again to continue.  cff_closest_approach and cff_avoid do not continue: call
+ * them again with more evaluations.
  *
  * A call that returns CFF_BAD_INPUT leaves its outputs unchanged.  Reentrant.  Pointers must not be null
  * and are not kept, except those of cff_conflicts_begin and the table of cff_impulses_begin.
@@ -35,8 +36,8 @@ extern "C" {
 #define CFF_MOST_WINDOWS 4096U      /* windows of a table, and windows that one arc may last */
 #define CFF_MOST_OBSTACLES 8U       /* obstacles of an avoidance */
 #define CFF_MOST_CONTACTS 8U        /* contacts of an avoidance */
-#define CFF_MOST_IMPULSES 6U    /* of a plan of minimum delta-v */
-#define CFF_MOST_PEAKS 8U       /* maxima of the primer that such a plan takes up at once */
+#define CFF_MOST_IMPULSES 6U        /* of a plan of minimum delta-v */
+#define CFF_MOST_PEAKS 8U           /* maxima of the primer that such a plan takes up at once */
 #define CFF_MOST_LEGS 64U           /* turns of a search */
 #define CFF_MOST_CRAFT 64U          /* spacecraft of a gathering */
 #define CFF_TERMS 12U               /* coefficients of a polynomial of a table */
@@ -223,7 +224,7 @@ typedef struct {
     double delta_v_m_s[3];
 } cff_impulse_t;
 
-/* A unit impulse, for the library: what it does to the final state, and the six first numbers of a primer along it. */
+/* A unit impulse, for the library: its effect on the final state, and that of a primer's initial value and rate along it. */
 typedef struct {
     double time_s;
     double direction[3];
@@ -255,7 +256,7 @@ typedef struct {
 
 typedef enum { CFF_SAFE = 0, CFF_UNSAFE = 1, CFF_UNDECIDED = 2 } cff_verdict_t;
 
-/* What follows a loss of thrust. */
+/* The verdict on a loss of thrust. */
 typedef struct {
     cff_verdict_t verdict;    /* CFF_UNDECIDED: a failure leads so close to the surface that rounding decides */
     double failure_s;         /* not safe: time of such a failure */
@@ -283,7 +284,7 @@ typedef struct {
 /* Group B looks in the direction opposite to group A. */
 typedef enum { CFF_GROUP_A = 0, CFF_GROUP_B = 1 } cff_group_t;
 
-/* What a schedule is made of; the sun is along -z of the inertial frame. */
+/* Numbers of a search; the sun is along -z of the inertial frame. */
 typedef struct {
     double half_angle_rad;    /* of the sensor's cone */
     double slew_rate_rad_s;   /* of all turns */
@@ -309,8 +310,8 @@ typedef struct {
 } cff_lock_t;
 
 /*
- * Contracts of the functions are in ACSL (comments that begin with an at sign), for Frama-C; see flight/analysis.  In all of them pointers are
- * valid, and what a path or a table points at too.
+ * Contracts of the functions are in ACSL (comments that begin with an at sign), for Frama-C; see flight/analysis.
+ * All of them require that pointers are valid, also those in a path or a table.
  */
 /*@ predicate cff_is_table(cff_table_t *chief) = \valid_read(chief) &&
       \valid_read(chief->joints_rad + (0 .. chief->windows)) &&
@@ -439,8 +440,8 @@ cff_status_t cff_impulses_continue(cff_impulses_t *plan, uint32_t evaluations);
  * Passive safety: the verdict on a loss of thrust at any instant of a path from `from_s` on, with natural
  * motion after it until `until_s`.  An impulse may be fired in part.  The other path must last until then.
  * Both paths are beside a table, which cff_circular_table makes for a circular orbit or deep space.  CFF_SAFE is
- * certified.  After CFF_MORE
- * call again with `from_s` = `certified_until_s`, and with more evaluations if that is `from_s` still.
+ * certified.  After CFF_MORE call again with `from_s` = `certified_until_s`, and with more evaluations if that is
+ * `from_s` still.
  */
 /*@ requires cff_is_path(path) && cff_is_path(other) && \valid_read(zone) && \valid(found); assigns *found; */
 cff_status_t cff_loss_of_thrust(const cff_path_t *path, const cff_path_t *other, const cff_zone_t *zone, double from_s,
@@ -469,7 +470,7 @@ cff_status_t cff_first_lock(const cff_leg_t legs[], uint32_t leg_count, const cf
 #define CFF_LOST (-1)
 #define CFF_FORMATION 0
 
-/* Which craft of the first pair burns. */
+/* The craft of the first pair that burn. */
 typedef enum { CFF_LOWER_BURNS = 0, CFF_HIGHER_BURNS = 1, CFF_BOTH_BURN = 2 } cff_first_burn_t;
 
 typedef enum {

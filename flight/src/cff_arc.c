@@ -8,7 +8,7 @@
 
 typedef char cfi_arc_is_thirty_doubles[(sizeof(cff_arc_t) == (30U * sizeof(double))) ? 1 : -1];
 
-#define JOINT 1.0e-9      /* of the size of the numbers: what two arcs may differ by where they meet */
+#define JOINT 1.0e-9      /* of the size of the numbers: largest gap between two arcs where they meet */
 #define CFF_NIL_M 1.0e-12 /* a joint that is no joint */
 
 /* Finite and of a size whose squares do not overflow; not so of nan. */
@@ -96,7 +96,7 @@ static void push(const cff_arc_t *arc, double t, double out[4][3])
     }
 }
 
-/* Add `sign` times what fixes the motion of an arc from time t on, in units of a time h. */
+/* Add `sign` times the first powers of the motion of an arc from time t on, in units of a time h. */
 void cfi_add_start(const cff_arc_t *arc, double t, double h, double sign, cfi_start_t *out)
 {
     const double hh = sign * h * h;

@@ -32,7 +32,7 @@
 #define SIDES 8U
 #define DIAGONAL 0.5773502691896258
 
-/* What does not change. */
+/* The task: it does not change during a call. */
 typedef struct {
     cff_path_t direct;
     const cff_path_t *obstacles;
@@ -181,7 +181,8 @@ static void solve_multipliers(const scene_t *scene, double lift, double soft, ui
         set_force(&work->touches[m], 0.0);
         for (uint32_t k = 0U; k < count; k++) {
             const cff_touch_t *touch = &work->touches[k];
-            work->matrix[(k * CFF_MOST_CONTACTS) + m] = (cfi_dot(touch->normal, touch->position) - ((lift * scene->aim) - gap[k])) / share;
+            const double moved = cfi_dot(touch->normal, touch->position) - ((lift * scene->aim) - gap[k]);
+            work->matrix[(k * CFF_MOST_CONTACTS) + m] = moved / share;
         }
     }
     bool on = true;

@@ -9,8 +9,6 @@
 
 #define COSTATE 6U
 #define PUSH 12U
-#define LONGEST 0.7853981633974483 /* rad of the orbit in a window: the series of views serve as far */
-#define ROUNDING 4.0e-15           /* of a coefficient, relative to the largest */
 
 /* The coefficients of a power of (r, v): of the next power of r for v. */
 static void coefficients(const cfi_start_t *s, uint32_t k, double out[6])
@@ -52,7 +50,7 @@ static double end_all(double f[], double off[6], uint32_t count)
         double most;
         cfi_end_powers(&f[i * CFF_TERMS]);
         cfi_hull(&f[i * CFF_TERMS], &least, &most);
-        off[i] += ROUNDING * cfi_max(-least, most);
+        off[i] += CFF_ROUNDING * cfi_max(-least, most);
         error = (i < count) ? cfi_max(error, off[i]) : error;
     }
     return error;
@@ -112,7 +110,7 @@ cff_status_t cff_circular_table(double mean_motion_rad_s, double window_s, cff_c
 {
     const double angle = mean_motion_rad_s * window_s;
     cff_status_t status = CFF_BAD_INPUT;
-    if ((mean_motion_rad_s >= 0.0) && (window_s >= CFF_SHORTEST_S) && (window_s <= CFF_LARGEST) && (angle <= LONGEST)) {
+    if ((mean_motion_rad_s >= 0.0) && (window_s >= CFF_SHORTEST_S) && (window_s <= CFF_LARGEST) && (angle <= CFF_REACH)) {
         const cff_table_t made = {1.0 / window_s, 0.0, 0.0, 1.0, 1U, room->joints_rad, room->rows, room->steps,
                                   room->errors, room->returns, room->return_errors};
         room->joints_rad[0] = 0.0;

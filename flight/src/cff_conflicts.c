@@ -1,9 +1,8 @@
 /*
  * Conflicts and closest approaches of two paths (closeform/conflicts/chief/sign_changes.py).
  *
- * A view is searched piece by piece.  A piece is outside if hulls show it, and decided if the coefficients of
- * each part of the zone change signs at most once: then a part begins or ceases to hold at one root
- * (Descartes' rule), and the piece is inside between the last beginning and the first end.  Others are halved.
+ * The common time of the paths is searched view by view: cff_inside.c finds the times inside the zone along a view,
+ * and cff_extremum.c the minimum norm.  A search stops between views or pieces when its evaluations are spent.
  */
 #include <math.h>
 #include <stddef.h>

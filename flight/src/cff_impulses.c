@@ -19,8 +19,6 @@
 #define NEAR 5.0e-3 /* of the duration: impulses so close become one */
 #define LATER 4U    /* second times that are tried for a first basis */
 
-static const cff_zone_t METRES = {CFF_ELLIPSOID, {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
-
 /* The natural motion from a state at one time to another. */
 static void coast(const cff_impulses_t *plan, const double state[SIX], double from, double to, double out[SIX])
 {
@@ -42,7 +40,7 @@ static void coast(const cff_impulses_t *plan, const double state[SIX], double fr
     }
 }
 
-/* Fill in what a unit push does: to the final state, and what the primer's six first numbers do along it. */
+/* Fill in the effect of a unit push on the final state, and of the primer's initial value and rate along it. */
 static void fill_push(const cff_impulses_t *plan, cff_push_t *push, uint32_t *evaluations)
 {
     double state[SIX] = {0.0, 0.0, 0.0, push->direction[0], push->direction[1], push->direction[2]};
@@ -213,7 +211,7 @@ static bool scan(cff_impulses_t *plan, double precision, uint32_t *evaluations)
     while (on && (plan->scanned_s < end)) { /* each turn costs evaluations */
         cfi_view_t view;
         cfi_spend(evaluations, cfi_view_cost(&path));
-        cfi_see(&path, &place, NULL, NULL, plan->scanned_s, end, &METRES, &view);
+        cfi_see_coast(&path, &place, plan->scanned_s, end, &view);
         on = scan_view(plan, &view, precision, evaluations);
         if (on) {
             keep_peak(plan);
@@ -223,7 +221,7 @@ static bool scan(cff_impulses_t *plan, double precision, uint32_t *evaluations)
     return on;
 }
 
-/* Bring an impulse along the highest peak into the basis; false if it does not lower the cost any more. */
+/* Bring an impulse along a peak into the basis; false if it does not lower the cost any more. */
 static bool enter(cff_impulses_t *plan, uint32_t peak, uint32_t *evaluations)
 {
     cff_push_t *push = &plan->peaks[peak];
@@ -232,7 +230,8 @@ static bool enter(cff_impulses_t *plan, uint32_t peak, uint32_t *evaluations)
     uint32_t leaves = SIX;
     fill_push(plan, push, evaluations);
     cfi_spend(evaluations, SOLVE_EVALUATIONS);
-    const double worth = cfi_dot(push->along, plan->primer.state.position_m) + cfi_dot(&push->along[3], plan->primer.state.velocity_m_s);
+    const double worth = cfi_dot(push->along, plan->primer.state.position_m) +
+                         cfi_dot(&push->along[3], plan->primer.state.velocity_m_s);
     bool good = (worth > (1.0 + FINEST)) && share_of(plan, push->change, shares);
     for (uint32_t k = 0U; (k < SIX) && good; k++) {
         const double size = plan->basis[k].size_m_s;

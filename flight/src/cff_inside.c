@@ -10,11 +10,10 @@
 #include "cff_internal.h"
 
 #define LEVEL 1.0e-13    /* within it a squared norm is on the surface: the rounding of positions of a zone's size */
-#define ROUNDING 4.0e-15 /* of a coefficient, relative to the largest */
 #define SAME 1.0e-12     /* conflicts that follow each other so soon, relative to the time, are one */
 #define ROOT_STEPS 60U
 
-/* What the coefficients of a part say. */
+/* State of a part over a piece, by the signs of its coefficients. */
 typedef enum { OUT, IN, ENTERS, LEAVES, OPEN } part_state_t;
 
 static part_state_t judge(const double f[], uint32_t count, bool narrow)
@@ -33,7 +32,7 @@ static part_state_t judge(const double f[], uint32_t count, bool narrow)
             last = f[k];
         }
     }
-    const double level = LEVEL + (ROUNDING * cfi_max(fabs(least), fabs(most)));
+    const double level = LEVEL + (CFF_ROUNDING * cfi_max(fabs(least), fabs(most)));
     part_state_t state = OPEN;
     if (changes == 0U) {
         state = (most > 0.0) ? OUT : IN;
@@ -76,7 +75,7 @@ static double root(cff_shape_t shape, uint32_t part, const cfi_piece_t *piece, b
     return u;
 }
 
-/* When a piece is inside, in [0, 1], `low` >= `high` if never; false if it is to be halved. */
+/* The times at which a piece is inside, in [0, 1], `low` >= `high` if never; false if it is to be halved. */
 static bool decide(cff_shape_t shape, const cfi_piece_t *piece, bool narrow, double *low, double *high, uint32_t *evaluations)
 {
     part_state_t states[6] = {OUT, OUT, OUT, OUT, OUT, OUT};
@@ -147,7 +146,7 @@ static bool add_piece(cff_conflict_search_t *search, const cfi_view_t *view, con
 
 /* Search one view, until its end or until the evaluations or the space are spent; false for the latter. */
 bool cfi_search_view(cff_conflict_search_t *search, const cfi_view_t *view, cff_conflict_t conflicts[], uint32_t capacity,
-                        uint32_t *count, uint32_t *evaluations)
+                     uint32_t *count, uint32_t *evaluations)
 {
     cfi_piece_t piece;
     bool space = true;

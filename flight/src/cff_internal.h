@@ -1,4 +1,4 @@
-/* What the files of closeform_flight share; not for callers. */
+/* Declarations that the files of closeform_flight share; not for callers. */
 #ifndef CFF_INTERNAL_H
 #define CFF_INTERNAL_H
 
@@ -7,9 +7,12 @@
 #include "closeform_flight.h"
 
 #define CFF_PI 3.14159265358979323846
-#define CFF_FOREVER 1.0e300 /* a time that no end is beyond */
-#define CFF_POWERS ((uint32_t)19U)     /* coefficients of a power series of a view */
-#define CFF_SQUARE ((uint32_t)23U)     /* coefficients of the square of a polynomial */
+#define CFF_FOREVER 1.0e300          /* a time that no end is beyond */
+#define CFF_REACH 0.7853981633974483 /* rad of a power series: eight an orbit; with six, errors reach 1e-10 of far positions */
+#define CFF_ROUNDING 4.0e-15         /* of a coefficient, relative to the largest */
+#define CFF_ON_JOINT 1.0e-14         /* rad: angles of a table that differ by no more are one joint */
+#define CFF_POWERS ((uint32_t)19U)   /* coefficients of a power series of a view */
+#define CFF_SQUARE ((uint32_t)23U)   /* coefficients of the square of a polynomial */
 
 /* P_0 ... P_4 and Q_-2 ... Q_4 (theory 1): inverse Laplace transforms, smooth at n = 0. */
 typedef struct {
@@ -29,7 +32,7 @@ typedef struct {
 
 /*
  * A power of the series of a motion in time: the coefficients of position, optimal thrust and push, and of the next powers.
- * The first are what fixes a motion, in units of a time.
+ * The first powers fix the motion, in units of a time.
  */
 typedef struct {
     double r[3];
@@ -108,9 +111,9 @@ double cfi_angle(const cff_table_t *chief, double t);
 double cfi_time(const cff_table_t *chief, double angle);
 bool cfi_clock_is_good(const cff_table_t *chief);
 bool cfi_within_table(const cff_table_t *chief, double from, double to);
-bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place);
+void cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place);
 void cfi_next_window(const cff_table_t *chief, cff_cursor_t *place);
-bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u);
+void cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u);
 double cfi_share(const cff_table_t *chief, const cff_cursor_t *place, double angle);
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t);
 double cfi_window_end(const cff_table_t *chief, const cff_cursor_t *place);
@@ -144,9 +147,10 @@ static inline uint32_t cfi_view_cost(const cff_path_t *path) { return (path->chi
 /* And of a state. */
 static inline uint32_t cfi_motion_cost(const cff_table_t *chief) { return (chief != NULL) ? 20U : 1U; }
 #define CFF_PIECE_EVALUATIONS 8U /* and of a piece */
-#define CFF_FINEST 1073741824.0   /* parts of a view: 2^30; a narrower piece is an instant */
+#define CFF_FINEST 1073741824.0  /* parts of a view: 2^30; a narrower piece is an instant */
 void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *other, cff_cursor_t *at_other, double t,
              double end, const cff_zone_t *zone, cfi_view_t *view);
+void cfi_see_coast(const cff_path_t *coast, cff_cursor_t *place, double t, double end, cfi_view_t *view);
 void cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t);
 void cfi_begin_place(const cff_path_t *path, cff_cursor_t *place, double t);
 double cfi_pace(const cfi_view_t *view, double u);

@@ -1,6 +1,6 @@
 /*
- * Gathering of lost craft: the sets, and what a lock does to them (closeform/search/gathering/join_rule.py; Hadaegh
- * et al. 2003, section IV).
+ * Gathering of lost craft: the sets, and the effect of a lock on them (closeform/search/gathering/join_rule.py;
+ * Hadaegh et al. 2003, section IV).
  */
 #include "cff_internal.h"
 

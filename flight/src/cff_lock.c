@@ -31,7 +31,7 @@ typedef struct {
     double sine[3];
 } turn_t;
 
-/* What bounds g'' all through a leg. */
+/* Bounds of the terms of g'' all through a leg. */
 typedef struct {
     double last;     /* the swinging part at the end, squared */
     double sideways; /* the velocity's part */
@@ -39,7 +39,7 @@ typedef struct {
     double fast;     /* |q'| */
 } leg_bounds_t;
 
-/* What a step found. */
+/* Result of a step. */
 typedef struct {
     double h;    /* how long nothing certainly happens */
     bool locked; /* both see each other now */

@@ -18,7 +18,6 @@
 #define EDGES_EVALUATIONS 30U
 #define WAYS 6U    /* directions in which to look for a failure that leads inside */
 #define PROBES 18U /* up to a quarter of a window */
-#define ON_JOINT 1.0e-14
 
 /* Drifts after the failures of one window, in a later window or the same. */
 typedef struct {
@@ -290,8 +289,8 @@ static cff_verdict_t judge_drifts(drift_t *drift, const cff_cursor_t *place, dou
         } else {
             t = (high >= last) ? drift->until : cfi_time(chief, high);
         }
-        on = (verdict == CFF_SAFE) && (high < (last - ON_JOINT));
-        if (on && (high >= (window_end - ON_JOINT))) {
+        on = (verdict == CFF_SAFE) && (high < (last - CFF_ON_JOINT));
+        if (on && (high >= (window_end - CFF_ON_JOINT))) {
             advance(drift);
         }
         if (on) {
@@ -311,7 +310,7 @@ static void fill(drift_t *drift, const cff_cursor_t *place, double u0, double u1
         lost.columns[j] = ((j >= 3U) && (j < 6U)) ? (impulse[j - 3U] / chief->rate_rad_s) : 0.0;
     }
     if (u0 > 0.0) {
-        (void)cfi_go_back(chief, &lost, u0);
+        cfi_go_back(chief, &lost, u0);
     }
     for (uint32_t q = 0U; q < 9U; q++) {
         wrong += fabs(place->columns[COSTATE + q]) * chief->return_errors[((size_t)place->window * 9U) + q];
@@ -345,7 +344,7 @@ static cff_verdict_t judge_failures(drift_t *drift, const cff_path_t *path, cons
     const double begin = cfi_angle(chief, *t);
     const double arc_end = cfi_angle(chief, arc->end_s);
     const double window_end = cfi_window_end(chief, place);
-    const double end = (window_end < (arc_end - ON_JOINT)) ? cfi_time(chief, window_end) : arc->end_s;
+    const double end = (window_end < (arc_end - CFF_ON_JOINT)) ? cfi_time(chief, window_end) : arc->end_s;
     const double u0 = cfi_share(chief, place, begin);
     const double u1 = cfi_share(chief, place, cfi_min(window_end, arc_end));
     cff_verdict_t verdict = CFF_SAFE;
@@ -371,7 +370,7 @@ static void first_place(const cff_path_t *path, double t, cff_cursor_t *place)
            (path->arcs[place->arc].start_s < t)) { /* at most all arcs */
         place->arc++;
     }
-    (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+    cfi_place(path->chief, &path->arcs[place->arc], t, place);
 }
 
 /* Go on to the next window or arc of a path after time t; false at its end. */
@@ -382,7 +381,7 @@ static bool go_on(const cff_path_t *path, cff_cursor_t *place, double t)
         cfi_go_on(path->chief, place, t);
     } else if ((place->arc + 1U) < path->count) {
         place->arc++;
-        (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+        cfi_place(path->chief, &path->arcs[place->arc], t, place);
     } else {
         on = false;
     }

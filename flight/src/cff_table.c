@@ -12,11 +12,10 @@
 
 #define COSTATE 6U
 #define PUSH 12U
-#define HEAD 5U /* numbers of an uploaded table before its arrays, and the sizes of a window in these */
-#define ROWS (CFF_COLUMNS * 6U * CFF_TERMS)
+#define HEAD 5U /* numbers of an uploaded table before its arrays */
+#define ROWS (CFF_COLUMNS * 6U * CFF_TERMS) /* numbers of a window in the arrays */
 #define STEPS (6U * CFF_COLUMNS)
 #define RETURNS (9U * 6U * CFF_TERMS)
-#define ON_JOINT 1.0e-14 /* rad: an arc that begins so close before a joint begins with the window after it */
 #define TURN 6.283185307179586
 #define NEWTON_STEPS 30U
 #define FARTHEST_RAD 1.0e5 /* of joints and angles: beyond, the phase loses digits */
@@ -59,7 +58,7 @@ double cfi_time(const cff_table_t *chief, double angle)
 /* How many turns of the table lie before an angle. */
 static double turns_before(const cff_table_t *chief, double angle)
 {
-    return (chief->turn_rad > 0.0) ? cfi_whole(((angle + ON_JOINT) - chief->joints_rad[0]) / chief->turn_rad) : 0.0;
+    return (chief->turn_rad > 0.0) ? cfi_whole(((angle + CFF_ON_JOINT) - chief->joints_rad[0]) / chief->turn_rad) : 0.0;
 }
 
 /* Whether the table holds motion between two times, and an arc between them is not too long. */
@@ -94,18 +93,17 @@ cff_status_t cff_check_table(const cff_table_t *chief)
     bool good = cfi_clock_is_good(chief);
     for (uint32_t k = 0U; good && (k <= chief->windows); k++) {
         good = (fabs(chief->joints_rad[k]) <= FARTHEST_RAD) &&
-               ((k == 0U) || (chief->joints_rad[k] > (chief->joints_rad[k - 1U] + ON_JOINT)));
+               ((k == 0U) || (chief->joints_rad[k] > (chief->joints_rad[k - 1U] + CFF_ON_JOINT)));
     }
     if (good && (chief->turn_rad > 0.0)) {
         const double way = chief->joints_rad[chief->windows] - chief->joints_rad[0];
         good = (fabs(way - chief->turn_rad) <= (1e-12 * chief->turn_rad));
     }
     for (uint32_t k = 0U; good && (k < chief->windows); k++) {
-        good = cfi_finite(&chief->rows[(size_t)k * CFF_COLUMNS * 72U], CFF_COLUMNS * 72U) &&
-               cfi_finite(&chief->steps[(size_t)k * 6U * CFF_COLUMNS], 6U * CFF_COLUMNS) &&
+        good = cfi_finite(&chief->rows[(size_t)k * ROWS], ROWS) && cfi_finite(&chief->steps[(size_t)k * STEPS], STEPS) &&
                cfi_finite(&chief->errors[(size_t)k * CFF_COLUMNS], CFF_COLUMNS);
         if (good && (chief->returns != NULL) && (chief->return_errors != NULL)) {
-            good = cfi_finite(&chief->returns[(size_t)k * 9U * 72U], 9U * 72U) &&
+            good = cfi_finite(&chief->returns[(size_t)k * RETURNS], RETURNS) &&
                    cfi_finite(&chief->return_errors[(size_t)k * 9U], 9U);
         }
     }
@@ -118,7 +116,8 @@ cff_status_t cff_uploaded_table(const double block[], uint32_t count, cff_table_
     const double number = (count > HEAD) ? block[HEAD - 1U] : 0.0;
     if ((number >= 1.0) && (number <= (double)CFF_MOST_WINDOWS)) {
         const uint32_t windows = (uint32_t)number;
-        if (((double)windows == number) && (count == (HEAD + 1U + (windows * (1U + ROWS + STEPS + CFF_COLUMNS + RETURNS + 9U))))) {
+        const uint32_t size = 1U + ROWS + STEPS + CFF_COLUMNS + RETURNS + 9U; /* of a window */
+        if (((double)windows == number) && (count == (HEAD + 1U + (windows * size)))) {
             const double *joints = &block[HEAD];
             const double *rows = &joints[windows + 1U];
             const double *steps = &rows[windows * ROWS];
@@ -215,8 +214,8 @@ static void flow(const cff_table_t *chief, uint32_t window, const double weights
     }
 }
 
-/* Replace the columns at u by those at the beginning of the window. */
-bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
+/* Replace the columns at u by those at the beginning of the window: transition matrices are not singular. */
+void cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
 {
     double weights[CFF_TERMS];
     double matrix[6][6];
@@ -224,13 +223,12 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
     double *z = place->columns;
     cfi_weights(u, weights);
     flow(chief, place->window, weights, matrix);
-    bool good = true;
     bool driven = false;
     for (uint32_t j = COSTATE; j < PUSH; j++) {
         driven = driven || (z[j] != 0.0);
     }
     if (driven) {
-        good = cfi_solve(&matrix[0][0], 6U, &z[COSTATE], columns);
+        (void)cfi_solve(&matrix[0][0], 6U, &z[COSTATE], columns);
         flow(chief, place->window, weights, matrix);
     }
     for (uint32_t j = COSTATE; j < CFF_COLUMNS; j++) {
@@ -238,8 +236,7 @@ bool cfi_go_back(const cff_table_t *chief, cff_cursor_t *place, double u)
             z[i] -= z[j] * at(chief, place->window, j, i, weights);
         }
     }
-    good = cfi_solve(&matrix[0][0], 6U, z, columns) && good;
-    return good;
+    (void)cfi_solve(&matrix[0][0], 6U, z, columns);
 }
 
 /* Go on to the next window. */
@@ -273,7 +270,7 @@ static bool window_after(const cff_table_t *chief, const cff_cursor_t *place)
 /* Move a place on to the window that holds time t. */
 void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t)
 {
-    const double angle = cfi_angle(chief, t) + ON_JOINT;
+    const double angle = cfi_angle(chief, t) + CFF_ON_JOINT;
     bool on = (cfi_window_end(chief, place) <= angle) && window_after(chief, place);
     for (uint32_t k = 0U; (k < CFF_MOST_WINDOWS) && on; k++) {
         cfi_next_window(chief, place);
@@ -281,15 +278,15 @@ void cfi_go_on(const cff_table_t *chief, cff_cursor_t *place, double t)
     }
 }
 
-/* Set a place to where an arc is at time t; false if the table is singular. */
-bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place)
+/* Set a place to where an arc is at time t. */
+void cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cursor_t *place)
 {
     const double n = chief->rate_rad_s;
     const double begin = cfi_angle(chief, arc->start_s);
     const double turns = turns_before(chief, begin);
     uint32_t first = 0U;
     for (uint32_t step = CFF_MOST_WINDOWS / 2U; step > 0U; step /= 2U) { /* by halves */
-        if (((first + step) < chief->windows) && (joint(chief, first + step, turns) <= (begin + ON_JOINT))) {
+        if (((first + step) < chief->windows) && (joint(chief, first + step, turns) <= (begin + CFF_ON_JOINT))) {
             first += step;
         }
     }
@@ -303,9 +300,10 @@ bool cfi_place(const cff_table_t *chief, const cff_arc_t *arc, double t, cff_cur
         place->columns[PUSH + i] = arc->push_m_s2[i] / (n * n);
     }
     const double u = cfi_share(chief, place, begin);
-    const bool good = (u > 0.0) ? cfi_go_back(chief, place, u) : true;
+    if (u > 0.0) {
+        cfi_go_back(chief, place, u);
+    }
     cfi_go_on(chief, place, t);
-    return good;
 }
 
 /* State and thrust at time t of an arc beside the chief. */
@@ -314,7 +312,7 @@ void cfi_arc_state(const cff_table_t *chief, const cff_arc_t *arc, double t, cff
     const double n = chief->rate_rad_s;
     cff_cursor_t place;
     double z[CFF_COLUMNS];
-    (void)cfi_place(chief, arc, t, &place);
+    cfi_place(chief, arc, t, &place);
     cfi_columns_at(chief, &place, t, z);
     for (uint32_t i = 0U; i < 3U; i++) {
         state->position_m[i] = z[i];

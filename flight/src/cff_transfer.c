@@ -2,7 +2,7 @@
  * Natural motion and transfer of minimum energy (closeform/motion/steering.py, linear.py, effort.py).
  *
  * The optimal thrust is a natural motion itself, fixed by its start and start rate.  The response to
- * those six numbers is well conditioned down to n = 0; it is solved for, and once more on what is left.
+ * those six numbers is well conditioned down to n = 0; it is solved for, and once more on the residual.
  */
 #include <math.h>
 #include <stddef.h>
@@ -142,7 +142,7 @@ bool cfi_steer(const cff_table_t *chief, double n, double from, double to, const
     for (uint32_t i = 0U; i < SIX; i++) {
         thrust[i] = 0.0;
     }
-    for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on what rounding left */
+    for (uint32_t turn = 0U; (turn < REFINEMENTS) && good; turn++) { /* once more on the residual of rounding */
         double work[SIX][SIX];
         double rhs[SIX];
         double columns[SIX];
@@ -244,7 +244,6 @@ cff_status_t cff_transfer_beside(const cff_table_t *chief, double start_s, doubl
 /* The energy of an arc: its optimal thrust is a natural motion, of which views are integrated by Gauss's rule. */
 static double energy_of(const cff_path_t *path, uint32_t k)
 {
-    static const cff_zone_t metres = {CFF_ELLIPSOID, {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
     cff_arc_t primer = {0};
     const cff_path_t coast = {&primer, 1U, path->chief};
     cff_cursor_t place;
@@ -261,7 +260,7 @@ static double energy_of(const cff_path_t *path, uint32_t k)
     bool on = (t < primer.end_s);
     while (on) { /* at most CFF_MOST_WINDOWS turns, or CFF_LARGEST_ANGLE_RAD over that of a view */
         cfi_view_t view;
-        cfi_see(&coast, &place, NULL, NULL, t, primer.end_s, &metres, &view);
+        cfi_see_coast(&coast, &place, t, primer.end_s, &view);
         for (uint32_t m = 0U; m < (2U * NODES); m++) {
             const double u = 0.5 + (((m % 2U) == 0U) ? (0.5 * NODE[m / 2U]) : (-0.5 * NODE[m / 2U]));
             const double weight = 0.5 * WEIGHT[m / 2U] * cfi_pace(&view, u);

@@ -1,7 +1,7 @@
 /*
  * Views: the relative position of two arcs as polynomials, and its pieces.
  *
- * By Hill's equations the relative position has a power series; that over an angle n t of at most REACH, cut to
+ * By Hill's equations the relative position has a power series; that over an angle n t of at most CFF_REACH, cut to
  * degree 11 so that the largest error is least, becomes a Bernstein polynomial.  Beside a table it is the
  * polynomial of a window.
  */
@@ -9,10 +9,6 @@
 #include <stddef.h>
 
 #include "cff_internal.h"
-
-#define REACH 0.7853981633974483 /* rad: eight views an orbit; with six, errors reach 1e-10 of far positions */
-#define ROUNDING 4.0e-15         /* of a coordinate, relative to the largest coefficient */
-#define ON_JOINT 1.0e-14
 
 /* Fill the polynomials of a view by Hill's equations, from its start over its length. */
 static void see_hill(const cff_arc_t *a, const cff_arc_t *b, const cff_zone_t *zone, cfi_view_t *view)
@@ -59,7 +55,7 @@ void cfi_follow(const cff_path_t *path, cff_cursor_t *place, double t)
         arc++;
     }
     if ((path->chief != NULL) && (arc != place->arc)) {
-        (void)cfi_place(path->chief, &path->arcs[arc], t, place);
+        cfi_place(path->chief, &path->arcs[arc], t, place);
     } else if (path->chief != NULL) {
         cfi_go_on(path->chief, place, t);
     } else {
@@ -73,7 +69,7 @@ void cfi_begin_place(const cff_path_t *path, cff_cursor_t *place, double t)
 {
     place->arc = cfi_locate(path, t);
     if (path->chief != NULL) {
-        (void)cfi_place(path->chief, &path->arcs[place->arc], t, place);
+        cfi_place(path->chief, &path->arcs[place->arc], t, place);
     }
 }
 
@@ -108,7 +104,7 @@ void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *othe
         finish = pair ? cfi_min(finish, cfi_window_end(view->chief, at_other)) : finish;
         view->first = cfi_angle(view->chief, t);
         double last = cfi_angle(view->chief, stop);
-        if (finish < (last - ON_JOINT)) {
+        if (finish < (last - CFF_ON_JOINT)) {
             last = finish;
             stop = cfi_max(t, cfi_min(stop, cfi_time(view->chief, finish)));
         }
@@ -117,7 +113,7 @@ void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *othe
         see_table(at_one, pair ? at_other : NULL, zone, view);
     } else {
         const double n = a->mean_motion_rad_s;
-        view->until_s = (n > 0.0) ? cfi_min(stop, t + (REACH / n)) : stop;
+        view->until_s = (n > 0.0) ? cfi_min(stop, t + (CFF_REACH / n)) : stop;
         view->first = t;
         view->length = view->until_s - t;
         see_hill(a, b, zone, view);
@@ -127,8 +123,15 @@ void cfi_see(const cff_path_t *one, cff_cursor_t *at_one, const cff_path_t *othe
         for (uint32_t k = 0U; k < CFF_TERMS; k++) {
             largest = cfi_max(largest, fabs(view->c[i][k]));
         }
-        view->off[i] += ROUNDING * largest;
+        view->off[i] += CFF_ROUNDING * largest;
     }
+}
+
+/* View one path relative to the chief, in metres. */
+void cfi_see_coast(const cff_path_t *coast, cff_cursor_t *place, double t, double end, cfi_view_t *view)
+{
+    static const cff_zone_t metres = {CFF_ELLIPSOID, {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}};
+    cfi_see(coast, place, NULL, NULL, t, end, &metres, view);
 }
 
 /* The time of u. */

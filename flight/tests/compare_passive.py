@@ -35,8 +35,7 @@ def main():
         length = rng.uniform(0.1, 0.6) * period
         begin, end = rng.normal(size=(2, 6)) * ([[150.0] * 3 + [0.0] * 3, [60.0] * 3 + [0.0] * 3])
         begin[4] = -2.0 * 1.1086e-3 * begin[0]
-        fires = bool(k % 2) and hasattr(orbit, "impulsive")
-        path = orbit.impulsive(begin, end, length) if fires else orbit.transfer(begin, end, length)
+        path = (orbit.impulsive if k % 2 else orbit.transfer)(begin, end, length)
         other, size = orbit.coast(np.zeros(6), until), rng.uniform(5.0, 30.0)
         shapes = cf.Sphere(size), cf.Box([size, 1.5 * size, size]), cf.Cylinder(size, 2 * size)
         zone = shapes[rng.choice(3)]

@@ -1,6 +1,5 @@
 /*
- * A fuzzer of all public functions, for libFuzzer or AFL, or with
- * random inputs of its own:
+ * A fuzzer of all public functions, for libFuzzer or AFL, or with random inputs of its own:
  *
  *   clang -g -O1 -fsanitize=fuzzer,address,undefined -Iinclude src/[a-z]*.c tests/fuzz.c -lm -o fuzz && ./fuzz -max_total_time=600
  *   gcc -O2 -DCASES=1000000 -Iinclude src/[a-z]*.c tests/fuzz.c -lm -o fuzz && ./fuzz
@@ -133,7 +132,7 @@ static int fill_table(cff_table_t *table)
     memset(table, 7, sizeof *table);
     const cff_table_t before = *table;
     const int good = cff_uploaded_table(block, count, table) == CFF_OK;
-    claim(good ? !poisoned && block[4] == 2.0 && count == LENGTH : same(table, &before, sizeof before), "a table that is not");
+    claim(good ? !poisoned && block[4] == 2.0 && count == LENGTH : same(table, &before, sizeof before), "cff_uploaded_table took a bad table or wrote");
     table->returns = (byte() & 7U) ? table->returns : NULL;
     return good;
 }
@@ -333,7 +332,8 @@ static void try_impulses(const cff_table_t *chief, uint32_t budget)
         if (status != CFF_BAD_INPUT) {
             tally(6, status, plan.evaluations_used - used, budget + ONE_STEP);
             claim(plan.lower_bound_m_s >= bound, "a bound went back");
-            claim(chief || !(plan.lower_bound_m_s > plan.delta_v_m_s * (1.0 + 1e-6)), "a bound is above the plan"); /* the fuzzer's tables are of no motion */
+            /* the fuzzer's tables are of no motion */
+            claim(chief || !(plan.lower_bound_m_s > plan.delta_v_m_s * (1.0 + 1e-6)), "a bound is above the plan");
             note(&plan.delta_v_m_s, 2U * sizeof(double));
             bound = plan.lower_bound_m_s;
         }
@@ -480,8 +480,9 @@ int main(int argc, char **argv)
         (void)LLVMFuzzerTestOneInput(data, sizeof data);
     }
     printf("%ld inputs; accepted calls of all: motion %lu of %lu, conflicts %lu of %lu, approaches %lu of %lu, avoidance %lu of %lu, "
-           "loss of thrust %lu of %lu, locks %lu of %lu, impulses %lu of %lu; most evaluations of a call %lu; digest %016llx\n", (long)CASES, good[0], calls[0], good[1], calls[1], good[2],
-           calls[2], good[3], calls[3], good[4], calls[4], good[5], calls[5], good[6], calls[6], most, (unsigned long long)digest);
+           "loss of thrust %lu of %lu, locks %lu of %lu, impulses %lu of %lu; most evaluations of a call %lu; digest %016llx\n",
+           (long)CASES, good[0], calls[0], good[1], calls[1], good[2], calls[2], good[3], calls[3], good[4], calls[4], good[5],
+           calls[5], good[6], calls[6], most, (unsigned long long)digest);
     return 0;
 }
 #endif

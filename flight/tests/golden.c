@@ -5,9 +5,10 @@
  * to 1e-9.  The digest is that of the bits of all answers: with the library's own sine it is the same on every
  * machine with IEEE doubles.
  *
- * With -DDIGEST=n another digest is a failure.  With -DCFF_FREESTANDING it needs no library and prints nothing (see start_*.c).  To count instructions, the
- * work is repeated -DREPEAT=n times, and -DWORK=k leaves one kind of it: 1 conflicts, 2 closest approaches,
- * 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust, 7 plans of impulses; -DTABLE=0 leaves Hill's equations, 1 tables of chiefs.
+ * With -DDIGEST=n another digest is a failure.  With -DCFF_FREESTANDING it needs no library and prints nothing (see
+ * start_*.c).  To count instructions, the work is repeated -DREPEAT=n times, and -DWORK=k leaves one kind of it:
+ * 1 conflicts, 2 closest approaches, 3 transfers, 4 locks, 5 avoidances, 6 losses of thrust, 7 plans of impulses;
+ * -DTABLE=0 leaves Hill's equations, 1 tables of chiefs.
  */
 #include "golden_vectors.h"
 

@@ -43,7 +43,7 @@ def sites(texts):
 
 
 def ran(place, objects, name):
-    """Return what a program prints, and its status; a hang counts as an answer."""
+    """Return the status and the output of a program; a hang counts as an answer."""
     subprocess.run(["gcc", *objects, place / f"{name}.o", "-lm", "-o", place / name], check=True)
     try:
         done = subprocess.run([place / name], capture_output=True, timeout=60)

@@ -1,8 +1,8 @@
 """The flight core, a C99 library for on-board computers, called from Python to compare both.
 
 The functions have the names of those of the package and return the same kinds of results. They raise
-RuntimeError without a C compiler or cffi, and ValueError for what the flight core does not take: a number
-that is not finite, a batch of spacecraft, paths in different orbits, half-spaces.  See docs/on_board.md.
+RuntimeError without a C compiler or cffi, and ValueError for input that the flight core rejects: a number
+that is not finite, a batch of spacecraft, paths in different orbits, half-spaces. See docs/on_board.md.
 """
 
 from closeform.flight.library import build

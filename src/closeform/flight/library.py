@@ -112,11 +112,11 @@ def core() -> Core:
     return Core(types, types.dlopen(str(build())))
 
 
-MEMORY: WeakKeyDictionary[Any, tuple[Any, ...]] = WeakKeyDictionary()  # what structures in C point at
+MEMORY: WeakKeyDictionary[Any, tuple[Any, ...]] = WeakKeyDictionary()  # memory that structures in C point at
 
 
 def pointing(structure: Any, *memory: Any) -> Any:
-    """Return a structure, which from now on keeps alive the memory that it points at."""
+    """Return a structure after making it keep alive the memory that it points at."""
     MEMORY[structure] = memory
     return structure
 

@@ -62,6 +62,15 @@ def coast(orbit: Orbit, state: ArrayLike, duration: float, start: float = 0.0) -
     return doubles(later)
 
 
+def task_of(
+    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float
+) -> tuple[Any, float, float, Any, Any]:
+    """Return chief, start, duration, initial and final state of a transfer as the flight core reads them."""
+    first = filled("cff_state_t *", finite("initial", initial, 6))
+    last = filled("cff_state_t *", finite("final", final, 6))
+    return chief_of(orbit), number("start", start), number("duration", duration), first, last
+
+
 def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float, start: float = 0.0) -> Path:
     """Return the transfer of minimum control energy (SP11 section 2).
 
@@ -83,13 +92,11 @@ def transfer(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: float
     """
     types, functions = core()
     arc = types.new("cff_arc_t *")
-    ends = [filled("cff_state_t *", finite(*end, 6)) for end in (("initial", initial), ("final", final))]
-    times = number("start", start), number("duration", duration)
-    chief = chief_of(orbit)
+    chief, *given = task_of(orbit, initial, final, duration, start)
     if chief:
-        check(functions.cff_transfer_beside(chief, *times, *ends, arc))
+        check(functions.cff_transfer_beside(chief, *given, arc))
     else:
-        check(functions.cff_transfer(orbit.mean_motion, *times, *ends, arc))
+        check(functions.cff_transfer(orbit.mean_motion, *given, arc))
     return arcs_of(orbit, arc, 1)
 
 
@@ -98,10 +105,9 @@ def planned_impulses(
 ) -> Any:
     """Return the finished `cff_impulses_t *` of a transfer."""
     types, functions = core()
-    plan, chief = types.new("cff_impulses_t *"), chief_of(orbit)
-    ends = [filled("cff_state_t *", finite(*end, 6)) for end in (("initial", initial), ("final", final))]
-    times = number("start", start), number("duration", duration)
-    check(functions.cff_impulses_begin(plan, chief, 0.0 if chief else orbit.mean_motion, *times, *ends))
+    plan = types.new("cff_impulses_t *")
+    chief, *given = task_of(orbit, initial, final, duration, start)
+    check(functions.cff_impulses_begin(plan, chief, 0.0 if chief else orbit.mean_motion, *given))
     complete(lambda budget: functions.cff_impulses_continue(plan, budget))
     return plan
 

@@ -1,6 +1,6 @@
 """Conflicts, closest approach, avoidance and passive safety by the flight core.
 
-Beside each function of the package stands one that returns the structure in C, with the evaluations used.
+Each function has a counterpart that returns the structure in C, with the number of evaluations used.
 """
 
 from __future__ import annotations
@@ -164,9 +164,7 @@ def loss_of_thrust(path: Path, other: Path, zone: Zone, until: float) -> Any:
 
 
 def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
-    """Return True if a loss of thrust at any instant leads into no zone, which is certified.
-
-    False if one does, or leads so close that rounding decides.
+    """Return True if no loss of thrust, at any instant, leads into the zone.
 
     Parameters
     ----------
@@ -182,6 +180,7 @@ def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
     Returns
     -------
     bool
-        Whether it is safe.
+        True if no loss leads into the zone, which is certified. False if one does, or leads so close to its
+        surface that rounding decides.
     """
     return bool(loss_of_thrust(path, other, zone, until).verdict == core().functions.CFF_SAFE)

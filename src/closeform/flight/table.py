@@ -22,23 +22,16 @@ def arrays_of(chief: Any) -> tuple[list[Any], list[Any]]:
     Both are in the order of `cff_table_t`.
     """
     table = chief.table
-    arrays = (
-        table.joints,
-        table.rows,
-        table.steps[:, :COSTATE],
-        table.errors,
-        table.returns,
-        table.return_errors,
-    )
     numbers = [*map(float, table.clock), float(table.turn), len(table.rows)]
-    return numbers, [np.ascontiguousarray(array, dtype="<f8") for array in arrays]
+    states = table.steps[:, :COSTATE]
+    return numbers, [table.joints, table.rows, states, table.errors, table.returns, table.return_errors]
 
 
 def chief_of(orbit: Any, span: float = 0.0) -> Any:
     """Return the `cff_table_t *` of an orbit.
 
-    It is NULL, for Hill's equations, on a circular orbit and in deep space; with a span [s] of motion, the
-    table that the flight core makes for that.
+    On a circular orbit and in deep space it is NULL, which stands for Hill's equations. With a span [s] of
+    motion above 0 it is the table that the flight core makes for that motion.
     """
     types, functions = core()
     chief = getattr(orbit, "chief", None)

@@ -223,8 +223,8 @@ def joins(rng: np.random.Generator) -> Iterator[str]:
             lock, burns = events[step], np.zeros((MOST, 3))
             for event in events[step + 1 : (*steps, len(events))[k + 1]]:
                 burns[event.first] = event.delta_v
-            who = f"{int(k == 0)}, {lock.first}U, {lock.second}U, {lock.case}U, {lock.label}"
-            yield f"{who}, {lock.time.hex()}, {row(velocities)}, {row(burns)}"
+            craft = f"{int(k == 0)}, {lock.first}U, {lock.second}U, {lock.case}U, {lock.label}"
+            yield f"{craft}, {lock.time.hex()}, {row(velocities)}, {row(burns)}"
             velocities = velocities + burns
 
 
@@ -263,7 +263,7 @@ def row(values: Any) -> str:
     if numbers.ndim == 2 and numbers.shape != (3, 3):
         return "{" + ", ".join(map(row, numbers)) + "}"
     text = ", ".join(float(one).hex() for one in numbers.ravel())
-    return "{" + text.replace("nan", "NAN") + "}"  # mean motion of an arc beside a table
+    return "{" + text.replace("nan", "NAN") + "}"  # mean motion of an arc about an eccentric chief
 
 
 def vectors() -> str:
