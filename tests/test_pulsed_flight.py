@@ -96,6 +96,16 @@ def test_thrusters_change_between_stages():
     assert flights.delta_v == pytest.approx(both, rel=1e-9)
 
 
+def test_thrusters_change_in_the_coast_after_an_impulse():
+    """No burn is fired twice."""
+    path, change = of_two_stages()
+    own = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)
+    same = cf.simulate(path, FIELD, "open", thrusters=own)
+    changed = cf.simulate(path, FIELD, "open", thrusters=[{0.0: own, 0.5 * change: own}] * 2)
+    assert changed.planned_delta_v == pytest.approx(same.planned_delta_v, rel=1e-9)
+    assert changed.ends == pytest.approx(same.ends, abs=0.01)  # m; other steps
+
+
 def test_margins_of_thrusters_that_change():
     path, change = of_two_stages()
     first = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=5e-4)

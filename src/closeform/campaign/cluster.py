@@ -101,10 +101,10 @@ class Cluster:
             alone = time.monotonic() if threads else alone
             if time.monotonic() - alone > PATIENCE:
                 raise self.deserted()
-            free = AHEAD * max(threads, 1) - len(under_way)
-            for some in [*islice(chain(again, waiting), max(free, 0))]:
+            free = max(AHEAD * max(threads, 1) - len(under_way), 0)
+            for some in islice(chain(again, waiting), free):
                 under_way[self.client.submit(evaluate, what, some, pure=False)] = some
-            again = again[max(free, 0) :]
+            again = again[free:]
             if not under_way:
                 return
             for future in self.ended(under_way):

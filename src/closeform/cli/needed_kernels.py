@@ -73,7 +73,7 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
             yield JOINT_DELTA_V
         if isinstance(stage, Drifting) and stage.drift is not None:
             yield PASSIVE_SAFETY if hill else PASSIVE_ABOUT_CHIEF
-            if getattr(stage, "for_ever", False):
+            if stage.for_ever:
                 yield PASSIVE_FOR_EVER
             if plans and (hill or cost == "delta-v"):
                 yield SAFE_PLANS

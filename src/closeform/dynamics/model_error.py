@@ -187,7 +187,7 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
-    """Return the deviations (N, T, 6) due to accelerations (N, T, 3) at equal steps, an even number.
+    """Return the deviations (N, T, 6) due to accelerations (N, T, 3) at an even number of equal steps.
 
     Simpson's rule, whose parabola gives both of its steps.  # theory (83)
     """

@@ -158,7 +158,7 @@ def fire_thrusters(
     real = [order.path(one) for order, one in zip(orders, planned, strict=True)]
     values = [
         (
-            _apart(one, plan_path),
+            largest_distance(one, plan_path),
             *order.bounds(plan_path),
             order.pulses.impulse.sum(),
             order.pulses.propellant.sum() if len(order.pulses) else 0.0 if mass is not None else np.nan,
@@ -213,8 +213,8 @@ def _tanks(
     return [(kilograms, STANDARD_GRAVITY * seconds) for kilograms, seconds in zip(*columns, strict=True)]
 
 
-def _apart(path: Path, other: Path) -> float:
-    """Return the largest distance of two paths of one time span, at some instants of each arc."""
+def largest_distance(path: Path, other: Path) -> float:
+    """Return the largest distance [m] of two paths of one time span, at some instants of each arc."""
     edges = np.unique(np.concatenate([path.arcs[:, START], other.arcs[:, START], [path.end]]))
     times = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, LOOKS)).ravel()
     times = np.clip(times, edges[0], edges[-1])

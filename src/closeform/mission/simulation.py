@@ -98,7 +98,6 @@ class SimulatedRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own = thrusters_by_stage(run.scenario, [(one.start, one.stage) for one in run.executed])
         pulsed = fires_pulses(run)
         plan = followed(run.executed) if pulsed else planned(run)
         arguments = arguments | {"feedback": arguments["feedback"] or usually_led(run, control)}
@@ -108,6 +107,7 @@ class SimulatedRun:
         if pulsed or fires_impulses(plan):
             arguments["max_acceleration"] = None
         if pulsed:
+            own = thrusters_by_stage(run.scenario, [(one.start, one.stage) for one in run.executed])
             arguments["thrusters"] = own
             if control != "replan":  # replanning chooses its own feedback for pulses
                 arguments["feedback"] = pulse_feedback(
@@ -179,6 +179,8 @@ class SimulatedRun:
     def unled(self) -> dict[str, float]:
         """Maximum uncontrolled deviation [m] of each spacecraft with a direction that has no thruster."""
         flight, found = self.flight, dict[str, float]()
+        if not self.thrusters:
+            return found
         off = flight.states[..., :3] - flight.planned.position(flight.times)
         each = ThrusterStages.of_each(self.arguments.get("thrusters"), followed(self.run.executed))
         for k, own in enumerate(each):

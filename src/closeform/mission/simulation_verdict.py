@@ -213,7 +213,7 @@ def asked_of(mission: "Mission", result: "StageResult[Any, Any]") -> Iterator[As
         errors, why = {"m": error[2]}, f"model error (95th percentile {metres(error[2])})"
     for one in result.asked:
         exceeded = one.met and errors.get(one.unit, 0.0) > one.slack and mission.flights is None
-        yield replace(one, doubt=f"not shown: {one.kept}, {why} exceeds it") if exceeded else one
+        yield replace(one, doubt=f"not shown: {one.kept}, but the {why} exceeds it") if exceeded else one
 
 
 def zone_distance(mission: "Mission") -> ZoneDistance | None:
@@ -228,7 +228,9 @@ def zone_distance(mission: "Mission") -> ZoneDistance | None:
     spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # lower bound in any direction
     k = int(np.argmin(spare))
     ends = {end for result in mission.executed for end in (result.start, result.end)}
-    inside = min(abs(near[k].time - end) for end in ends) > 1e-6 * max(ends)  # ends stay where they are
+    inside = min(abs(near[k].time - end) for end in ends) > 1e-6 * max(
+        ends
+    )  # a margin does not move the ends
     enlarges = inside and any(hasattr(stage, "margin") for stage in mission.scenario.stages)
     _, half, most = mission_error(mission) or (None, nan, nan)
     remedy = 'use model = "j2"' if mission.scenario.orbit.model == "kepler" else "add a field"

@@ -353,12 +353,10 @@ def thrusters_by_stage(
     None for a craft without any; a dict by start time for one whose thrusters differ between stages.
     """
     found = list[Thrusters | dict[float, Thrusters | None] | None]()
+    crews = [(start, scenario.craft_in(stage), set(stage.moving(scenario.names))) for start, stage in stages]
     for k, name in enumerate(scenario.names):
         sets, last = dict[float, Thrusters | None](), None
-        for start, stage in stages:
-            craft = scenario.craft_in(stage)[k]
-            if name not in stage.moving(scenario.names):
-                continue
+        for start, craft in ((start, crew[k]) for start, crew, moving in crews if name in moving):
             if last is None or any(getattr(craft, key) != getattr(last, key) for key in FIRING):
                 sets[start], last = craft.fired(1.0), craft
         own = list(sets.values()) or [scenario.craft[k].fired(1.0)]

@@ -304,7 +304,7 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """True if the run is clear, respects every limit, has no late stage and meets other requirements."""
+        """True if the run is clear, has no late stage, and meets all limits and other requirements."""
         met = all(one.met for one in self.asked) and not (self.strict and self.doubts)
         return self.clear and met and not self.exceeded and not self.late
 

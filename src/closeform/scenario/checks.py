@@ -579,10 +579,8 @@ def can_have(scenario: Scenario, key: str, reader: Reader, value: float) -> bool
         reader.checked(value, [value])
     except ValueError:
         return False
-    section, _, name = key.rpartition(".")
-    tables = scenario.craft if section == "craft" else (attrgetter(section)(scenario),)
-    fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
-    return not any([*table.model_copy(update={fields[name]: value}).flaws()] for table in tables)
+    tables, field = scenario.tables_of(key)
+    return not any([*table.model_copy(update={field: value}).flaws()] for table in tables)
 
 
 def pointing_range_error(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:

@@ -310,7 +310,7 @@ class OrbitTable(Table):
     model: Model = setting(
         '"kepler"',
         "equations of relative motion: those of Hill for a circle, those about a chief on an ellipse, or "
-        "with J2 of the Earth too; `kepler` and `j2` need `chief`",
+        "these with J2 of the Earth; `kepler` and `j2` need `chief`",
         "hill",
     )
     chief: ChiefTable | None = setting(

@@ -35,9 +35,9 @@ class PathRequirement(Table):
         return found
 
 
-def has_direction(axis: Vector | None, key: str) -> Iterator[str]:
+def without_direction(axis: Vector, key: str) -> Iterator[str]:
     """Yield the flaw of an axis that is zero."""
-    if axis is not None and not any(axis):
+    if not any(axis):
         yield f"{key} has no direction; write for example [0, -1, 0]"
 
 
@@ -54,7 +54,7 @@ class Corridor(PathRequirement):
     after: Instant | None = setting('"10 min"', "time after the start of the stage from which it holds")
 
     def flaws(self) -> Iterator[str]:
-        yield from has_direction(self.axis, "axis")
+        yield from without_direction(self.axis, "axis")
 
     def arguments(self, start: float, period: float) -> dict[str, Any]:
         return self.model_dump(exclude={"after"}) | since(self.after, start, period)
@@ -128,7 +128,7 @@ class Exclusion(PathRequirement):
     until: Span | None = setting('"25 min"', "time after the start of the stage until which it holds")
 
     def flaws(self) -> Iterator[str]:
-        yield from has_direction(self.direction, "direction")
+        yield from without_direction(self.direction, "direction")
 
     def arguments(self, start: float, period: float) -> dict[str, Any]:
         end = inf if self.until is None else start + self.until.on(period)
@@ -138,7 +138,7 @@ class Exclusion(PathRequirement):
 
 
 def since(after: Duration | None, start: float, period: float) -> dict[str, float]:
-    """Return the argument `start` of a requirement that holds from a time after the start of the stage on."""
+    """Return the argument `start` of a requirement that holds from a time after the start of the stage."""
     return {} if after is None else {"start": start + after.on(period)}
 
 

@@ -240,12 +240,17 @@ class Scenario:
             raise ValueError("search: needs [sensor] and [search]; add both")
         return self.search.build(self.sensor.build())
 
-    def given(self, key: str) -> tuple[Any, ...]:
-        """Return the values of a key: one for each craft for [craft], a single one for other tables."""
+    def tables_of(self, key: str) -> tuple[tuple[Any, ...], str]:
+        """Return the tables with a key, one for each craft for [craft], and the name of its field."""
         section, _, name = key.rpartition(".")
         tables = self.craft if section == "craft" else (attrgetter(section)(self),)
         fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
-        return tuple(getattr(table, fields[name]) for table in tables)
+        return tables, fields[name]
+
+    def given(self, key: str) -> tuple[Any, ...]:
+        """Return the values of a key: one for each craft for [craft], a single one for other tables."""
+        tables, field = self.tables_of(key)
+        return tuple(getattr(table, field) for table in tables)
 
     @property
     def search_errors(self) -> "SearchErrors | None":

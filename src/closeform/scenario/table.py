@@ -152,7 +152,7 @@ class Table(BaseModel):
     def excluded(
         self, name: str, others: Sequence[str], only_if: Mapping[str, tuple[Any, ...]]
     ) -> Iterator[str]:
-        """Yield a flaw of a given key with another that it excludes, or that has another value."""
+        """Yield a flaw for each key that a given key excludes, and for each whose value it does not allow."""
         if name not in self.model_fields_set or not getattr(self, name):
             return
         key = self.key_of(name)

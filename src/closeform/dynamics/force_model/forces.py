@@ -120,7 +120,7 @@ def extrapolated_step(constants, ballistic, h, state, work):
     """Advance a state (6,) by a step `h` [s]; overwrite the rows of `work` (9, 6).
 
     The midpoint rule with n = 2, 4, 6 and 8 substeps has errors in even powers of the substep. The increments
-    of the state are extrapolated to none by Neville's scheme, of which `work` holds the last row.
+    of the state are extrapolated to a substep of zero by Neville's scheme; `work` holds its last row.
     """
     first, rates, there, before, now = work[4], work[5], work[6], work[7], work[8]
     rates_at(constants, ballistic, state, first)

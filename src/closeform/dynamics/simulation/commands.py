@@ -284,8 +284,8 @@ def thrust_bends(path: Path) -> Floats:
 class Engines(NamedTuple):
     """Engines of N spacecraft: largest thrust, time at which they fail, and minimum impulse bit of all.
 
-    A spacecraft without an engine has limit 0 and ignores all commands. A spacecraft that loses its thrust
-    does so from that time on.
+    A spacecraft without an engine has limit 0 and ignores all commands; one that loses its thrust ignores
+    them from that time on.
     """
 
     limits: Floats  # (N,) [m/s^2]
@@ -361,6 +361,7 @@ class ThrusterStages(NamedTuple):
             if k > 0 and time < arcs[k - 1, END]:
                 arcs = np.insert(arcs, k, arcs[k - 1], axis=0)
                 arcs[k - 1, END] = arcs[k, START] = time
+                arcs[k, IMPULSE : IMPULSE + 3] = 0.0
         arcs = linked(path.orbit, arcs.copy(), ends_of(path)[0]).arcs
         which = self.at(arcs[:, START])
         for k, own in enumerate(self.sets):

@@ -199,7 +199,8 @@ class Guidance:
             if sampler is not None and measured is not None:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
-            done = propagate(commands, field._of(which), errors, own)
+            frame = commands.frame if field is self.believed else None
+            done = propagate(commands, field._of(which), errors, own, frame)
             if commands.thrusters is None and parts:  # only the orders of thrusters are kept
                 shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
                 done = replace(done, fired=np.zeros(shape))

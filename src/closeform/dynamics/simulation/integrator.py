@@ -228,7 +228,7 @@ def fire_impulses(steps, lanes, node, events, impulses, here):
 
 @kernel(inline=True)
 def facet_share(facet, k, x, y, z):
-    """Return the fraction of thruster `k` of a facet in a thrust vector."""
+    """Return the part of a thrust vector that thruster `k` of a facet gives."""
     return x * facet[INVERSE + k] + y * facet[INVERSE + 3 + k] + z * facet[INVERSE + 6 + k]
 
 

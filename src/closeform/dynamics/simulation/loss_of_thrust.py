@@ -13,6 +13,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.planned_paths import impulses_of
+from closeform.exchange.ephemerides.interpolation import hermite
 from closeform.motion.joining import drift
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
@@ -42,11 +43,11 @@ class Loss:
         apart = self.states[one] - self.states[two]
         k = int(np.argmin(zone.norm(apart[:, :3])))
         some = slice(max(k - 1, 0), k + 2)
-        steps = np.diff(self.times[some])
-        places = _positions_between(apart[some][:-1], apart[some][1:], steps[:, None, None])
-        i, j = np.unravel_index(int(np.argmin(zone.norm(places))), places.shape[:2])
-        time = self.times[some][i] + steps[i] * j / (places.shape[1] - 1)
-        return float(time), float(np.linalg.norm(places[i, j]))
+        known, count = self.times[some], len(self.times[some])
+        times = np.interp(np.arange(FINER * (count - 1) + 1) / FINER, np.arange(count), known)
+        places = hermite(known, apart[some], times, 2)[0][:, :3]
+        i = int(np.argmin(zone.norm(places)))
+        return float(times[i]), float(np.linalg.norm(places[i]))
 
 
 def sampled_losses(
@@ -101,11 +102,3 @@ def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, i
         return field._of([k])._drift_from(state, times[i:], chief[i:], acceleration[i:])
 
     return drifting
-
-
-def _positions_between(one: Floats, two: Floats, step: Floats) -> Floats:
-    """Return positions (P, M + 1, 3) on the cubics between states (P, 6) that are `step` apart."""
-    s = np.linspace(0.0, 1.0, FINER + 1)[:, None]
-    a, b, va, vb = one[:, None, :3], two[:, None, :3], step * one[:, None, 3:], step * two[:, None, 3:]
-    ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * a + s * s * (3.0 - 2.0 * s) * b
-    return np.asarray(ends + s * (1.0 - s) ** 2 * va - s * s * (1.0 - s) * vb)

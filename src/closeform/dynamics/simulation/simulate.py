@@ -294,9 +294,8 @@ class ControlLoop(NamedTuple):
                     refused += [(span[0], one) for one in why]
                     if anew is not None:
                         guidance, replans = anew, replans + 1
-            of_leg = None if planner is None else span, now, leg
-            errors = sampler, (measured, thrust), *of_leg
-            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))
+            errors, of_leg = (sampler, (measured, thrust)), None if planner is None else span
+            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors, of_leg, now, leg))
             pulses += guidance.pulses(span)
             now = parts[-1].states[0, :, -1].copy()
         fired = one_table(pulses) if pulses else None

@@ -31,7 +31,7 @@ from closeform.dynamics.simulation.commands import (
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.fuel.firing import ThrusterFiring, fire_thrusters
+from closeform.fuel.firing import ThrusterFiring, fire_thrusters, largest_distance
 from closeform.fuel.pulses import Pulses, linked, one_table
 from closeform.fuel.thrusters import Thrusters, turn
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
@@ -128,8 +128,6 @@ def _fire_in_stages(paths: Path, thrusters: Sequence[ThrusterStages]) -> Thruste
         real.append(linked(paths.orbit, np.concatenate(arcs), begin))
     span = np.array([min(one.start for one in real), max(one.end for one in real)])
     path, planned = extended_paths(stack(real), span), extended_paths(paths, span)
-    times = np.union1d(path.arcs[:, START], planned.arcs[:, START])
-    deviation = np.linalg.norm(path.position(times) - planned.position(times), axis=2).max(axis=1)
     table, unknown = one_table(pulses), np.full(len(real), np.nan)
     return ThrusterFiring(
         path=path,
@@ -137,7 +135,7 @@ def _fire_in_stages(paths: Path, thrusters: Sequence[ThrusterStages]) -> Thruste
         thrusters=tuple(own.thrusters[0] for own in thrusters),
         pulses=table,
         dropped=one_table(dropped),
-        deviation=deviation,
+        deviation=np.array([largest_distance(path[k], planned[k]) for k in range(len(real))]),
         deviation_bound=unknown,
         dropped_deviation=unknown,
         delta_v=np.bincount(table.craft, table.impulse, len(real)),

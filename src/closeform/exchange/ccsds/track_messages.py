@@ -14,7 +14,7 @@ from closeform.exchange.export_tracks.track import FileFrame, Piece, Track
 COVARIANCES = "covariances are relative to the formation's origin, which is taken as exact"
 
 
-def whose(track: Track, frame: FileFrame) -> dict[str, str]:
+def object_metadata(track: Track, frame: FileFrame) -> dict[str, str]:
     """Return the metadata of the object and the frame."""
     return {
         "OBJECT_NAME": track.name,
@@ -28,7 +28,7 @@ def whose(track: Track, frame: FileFrame) -> dict[str, str]:
 def segment(track: Track, frame: FileFrame, piece: Piece) -> Segment:
     """Return the segment of one smooth piece, which is useable up to its ends."""
     stamps = frame.stamps(piece.times)
-    metadata = whose(track, frame) | {
+    metadata = object_metadata(track, frame) | {
         "START_TIME": stamps[0],
         "USEABLE_START_TIME": stamps[0],
         "USEABLE_STOP_TIME": stamps[-1],
@@ -59,7 +59,7 @@ def oem_xml(track: Track, frame: FileFrame) -> str:
 def opm(track: Track, frame: FileFrame) -> str:
     """Return an OPM: the initial state, and every burn as a manoeuvre; masses only where known."""
     piece = track.pieces[0]
-    lines = [*head("OPM", "3.0", frame.about), *keyed(whose(track, frame))]
+    lines = [*head("OPM", "3.0", frame.about), *keyed(object_metadata(track, frame))]
     lines.append(f"EPOCH = {frame.stamps(piece.times[:1])[0]}")
     for (name, unit), value in zip(STATE.items(), piece.states[0] / 1e3, strict=True):
         lines.append(f"{name} = {value:.15f} [{unit}]")
