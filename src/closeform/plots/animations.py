@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from closeform.arrays import Floats, whole
+from closeform.conflicts.flight import ALL_PAIRS
 from closeform.motion.path import Path
 from closeform.plots.drawing import space
 from closeform.plots.drawing.charts import Curve, Panel, draw
@@ -44,7 +45,8 @@ def formation_animation(
     Paths in an orbit are shown in the three planes of the orbital frame and in space; paths in deep space in
     one oblique view. With zones, a line joins the closest pair, and its zone is filled. In a formation of up
     to 20, each spacecraft has the outline of the zone between it and its nearest neighbour. A spacecraft in
-    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time.
+    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time; of more than
+    447 spacecraft, only the closest pairs count.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ class FormationFilm:
     """Figure of the animation of a formation, with its views and its time strip."""
 
     def __init__(self, paths: list[Path], names: Sequence[str] | None, zone: Any) -> None:
-        self.paths, self.pairs = paths, Pairs.of(paths, zone, name="zone")
+        self.paths, self.pairs = paths, Pairs.of(paths, zone, name="zone", most=ALL_PAIRS)
         self.called, self.tints = short_names(names, len(paths)), colours(len(paths))
         self.start, self.end = min(path.start for path in paths), max(path.end for path in paths)
         self.closest = float(self.pairs.time[self.pairs.order[0]]) if self.pairs.order else None
