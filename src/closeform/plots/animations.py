@@ -28,7 +28,7 @@ HOLD, LAST = 1600, 2400  # ms per frame: at the closest approach, at the end
 TRAIL, TURN = 0.25, 0.5  # length of a trail: share of the total duration, but at most so many orbits
 FEW = 8  # maximum number of spacecraft with names in every view; more have names in one view
 STRIP = 1.6  # inches: height of the time strip with its labels
-MOST = 2_000_000  # maximum number of clearance ratios for the curve
+MOST = 2_000_000  # maximum number of clearance ratios in memory, for the curve
 
 
 @picture("`frames` is below 2")
@@ -112,7 +112,8 @@ class FormationFilm:
             fine = int(np.clip(MOST // len(self.pairs), 100, 400))
             some = self.pairs.time[self.pairs.order[:50]]
             times = np.unique(np.concatenate([np.linspace(self.start, self.end, fine), some]))
-            least = self.pairs.ratios(times).min(axis=0)
+            parts = np.array_split(times, 1 + len(times) * len(self.pairs) // MOST)
+            least = np.concatenate([self.pairs.ratios(some).min(axis=0) for some in parts])
             curve = Curve(times, np.where(least < np.inf, least, np.nan), colour=INK, width=1.6)
             draw(axes, Panel("closest\n[× zone]", [curve], 1.0, "", "ratio"), self.ticks, [], [])
             axes.yaxis.label.set_fontsize(SMALL)
