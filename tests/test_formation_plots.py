@@ -1,5 +1,7 @@
 """Pictures of a formation against straight lines, dense samples and the conflict search."""
 
+import io
+
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PathCollection
@@ -9,6 +11,7 @@ from PIL import Image
 import closeform as cf
 from closeform import plots
 from closeform.plots.animations import FormationFilm
+from closeform.plots.drawing.moving import write_gif
 from closeform.plots.drawing.palette import COLOURS, CONFLICT
 from closeform.plots.drawing.space import OBLIQUE
 
@@ -367,6 +370,22 @@ def test_animation_shows_positions_and_the_closest_pair():
         assert np.allclose(ends, camera(where)) if time > 0.0 else not ends
         for one in drawn:
             one.remove()
+
+
+@pytest.mark.parametrize("orbit", [DEEP, ORBIT])
+def test_animation_keeps_the_scales_of_its_background(orbit):
+    film = FormationFilm([orbit.coast(state, END) for state in straight(5)], None, BALL)
+    scales = []
+
+    def show(time: float) -> str:
+        said = film.show(time)
+        ends = [axes.transData.transform([[0.0, 0.0], [1.0, 1.0]]) for axes, *_ in film.views]
+        scales.append(np.diff(ends, axis=1)[:, 0])
+        return said
+
+    write_gif(io.BytesIO(), film.figure, show, [(0.3 * END, 80), (0.6 * END, 80)], 400)
+    assert np.allclose(np.array(scales)[..., 0], np.array(scales)[..., 1])
+    assert np.allclose(scales, scales[0])
 
 
 def test_animation_of_an_orbit(tmp_path):

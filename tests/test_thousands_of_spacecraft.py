@@ -11,6 +11,7 @@ import pytest
 import closeform as cf
 from closeform.cli.app import main
 from closeform.conflicts import flight
+from closeform.plots.drawing.pairs import Pairs
 from closeform.zones.pair_zones import AT_ONCE, PairZones, portions, portions_near
 from scenarios import LOST
 
@@ -83,6 +84,17 @@ def test_closest_pairs_agree_with_all_pairs(spread, monkeypatch) -> None:
     # certain to 1e-9 of a ratio, twice
     assert sorted(near.ratio for near in some.approaches) == pytest.approx(ratios, rel=1e-8)
     assert (some.closest.first, some.closest.second) == (every.closest.first, every.closest.second)
+
+
+def test_all_pairs_in_conflict_are_among_the_closest(monkeypatch) -> None:
+    """In a crowd more pairs are in conflict than the closest that are looked for."""
+    states = np.zeros((100, 6))
+    states[:, :3] = np.random.default_rng(6).uniform(-60.0, 60.0, (100, 3))
+    paths, zone = ORBIT.coast(states, 500.0), cf.Sphere(20.0)
+    monkeypatch.setattr(flight, "CLOSEST", 50)
+    every, some = Pairs.of(paths, zone), Pairs.of(paths, zone, most=0)
+    assert len(some) < len(every) == some.total
+    assert 50 < some.hit.sum() == every.hit.sum()
 
 
 def test_pairs_of_a_zone_by_portions() -> None:

@@ -59,7 +59,7 @@ EXAMPLES = {
     },
     "Simulate in a high-fidelity model": {
         "simulated_swap": "paths",
-        "simulated_cases": "flown-ratios",
+        "simulated_cases": "simulated-ratios",
     },
     "Passive safety": {
         "inspector_hold": "drift",

@@ -66,7 +66,7 @@ def coefficients(file: Path, degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Commander(sysModel.SysModel):
-    """Reads where everybody is at the start of a step, and writes the forces that act through it."""
+    """Module that reads all states at the start of a step, and writes the forces that act during it."""
 
     def __init__(self, craft: list[Any], law: Law, step: float, earth: Any) -> None:
         super().__init__()

@@ -17,7 +17,7 @@ from closeform.zones.zone import Zone
 ALL_PAIRS = 100_000  # up to which every closest approach is computed: 447 spacecraft
 CLOSEST = 2000  # closest pairs, at least, that are reported among more
 SAMPLED, FEW = 20_000, 20  # random pairs, and the number of the closest of them that estimate the density
-LEAST, HUGE = 1e-3, 1e9  # factors of a zone
+HUGE = 1e9  # maximum factor of a zone
 SAME = 1e-9  # m/s: difference up to which two spacecraft have equal delta-v
 LOOKS = 201  # instants that measure the length of a track
 
@@ -105,11 +105,11 @@ def watch(paths: Path, names: Sequence[str], zones: PairZones) -> WatchedFlight:
 
 
 def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield at least `CLOSEST` of the closest pairs, by zone, without computing all approaches.
+    """Yield the pairs in conflict and at least `CLOSEST` of the closest, by zone, without all approaches.
 
     They are found by screenings with larger and larger zones, until that many pairs are in conflict.
     """
-    factor, pairs = 0.5 * guess(paths, zones), np.empty((0, 2), dtype=np.int64)
+    factor, pairs = 0.5 * max(1.0, guess(paths, zones)), np.empty((0, 2), dtype=np.int64)
     while len(pairs) < CLOSEST and factor < HUGE:
         factor *= 2.0
         pairs = np.unique(screen(paths, enlarged(zones, factor)).pairs, axis=0)
@@ -131,7 +131,7 @@ def guess(paths: Path, zones: PairZones) -> float:
     ]
     ratios = np.sort(np.concatenate(near))
     share = CLOSEST / zones.pairs * len(ratios) / FEW
-    return float(np.clip(ratios[FEW - 1], LEAST, HUGE) * share ** (1.0 / 3.0))
+    return float(min(ratios[FEW - 1], HUGE) * share ** (1.0 / 3.0))
 
 
 def named(found: list[Any], names: Sequence[str]) -> tuple[Any, ...]:

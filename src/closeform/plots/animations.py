@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
 from closeform.arrays import Floats, whole
+from closeform.conflicts.flight import ALL_PAIRS
 from closeform.motion.path import Path
 from closeform.plots.drawing import space
 from closeform.plots.drawing.charts import Curve, Panel, draw
@@ -27,7 +28,7 @@ HOLD, LAST = 1600, 2400  # ms per frame: at the closest approach, at the end
 TRAIL, TURN = 0.25, 0.5  # length of a trail: share of the total duration, but at most so many orbits
 FEW = 8  # maximum number of spacecraft with names in every view; more have names in one view
 STRIP = 1.6  # inches: height of the time strip with its labels
-MOST = 2_000_000  # maximum number of clearance ratios for the curve
+MOST = 2_000_000  # maximum number of clearance ratios in memory, for the curve
 
 
 @picture("`frames` is below 2")
@@ -44,7 +45,8 @@ def formation_animation(
     Paths in an orbit are shown in the three planes of the orbital frame and in space; paths in deep space in
     one oblique view. With zones, a line joins the closest pair, and its zone is filled. In a formation of up
     to 20, each spacecraft has the outline of the zone between it and its nearest neighbour. A spacecraft in
-    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time.
+    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time; of more than
+    447 spacecraft, only the closest pairs count.
 
     Parameters
     ----------
@@ -66,7 +68,7 @@ class FormationFilm:
     """Figure of the animation of a formation, with its views and its time strip."""
 
     def __init__(self, paths: list[Path], names: Sequence[str] | None, zone: Any) -> None:
-        self.paths, self.pairs = paths, Pairs.of(paths, zone, name="zone")
+        self.paths, self.pairs = paths, Pairs.of(paths, zone, name="zone", most=ALL_PAIRS)
         self.called, self.tints = short_names(names, len(paths)), colours(len(paths))
         self.start, self.end = min(path.start for path in paths), max(path.end for path in paths)
         self.closest = float(self.pairs.time[self.pairs.order[0]]) if self.pairs.order else None
@@ -110,7 +112,8 @@ class FormationFilm:
             fine = int(np.clip(MOST // len(self.pairs), 100, 400))
             some = self.pairs.time[self.pairs.order[:50]]
             times = np.unique(np.concatenate([np.linspace(self.start, self.end, fine), some]))
-            least = self.pairs.ratios(times).min(axis=0)
+            parts = np.array_split(times, 1 + len(times) * len(self.pairs) // MOST)
+            least = np.concatenate([self.pairs.ratios(some).min(axis=0) for some in parts])
             curve = Curve(times, np.where(least < np.inf, least, np.nan), colour=INK, width=1.6)
             draw(axes, Panel("closest\n[× zone]", [curve], 1.0, "", "ratio"), self.ticks, [], [])
             axes.yaxis.label.set_fontsize(SMALL)

@@ -91,7 +91,7 @@ class Formation:
         """
         craft_paths = crafts("paths", paths)
         count = len(craft_paths)
-        pairs = Pairs.of([*craft_paths, *others], zone, count, "zone")
+        pairs = Pairs.of([*craft_paths, *others], zone, count, "zone", MANY**2 / 2)
         if shown is None:
             shown = list(range(count)) if count <= MANY else closest_craft(pairs, count)
         rest = np.setdiff1d(np.arange(count), shown)

@@ -72,14 +72,14 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     called = short_names(names, count)
     if count < 2:
         raise ValueError("flight: has one spacecraft and so no pair; give a simulation of two or more")
-    every = [ratios_at_times(one, zone) for one in (*flight.states, flight.planned.state(flight.times))]
-    *flown, planned = (ratios.min(axis=0, initial=np.inf) for _, ratios in every)
+    every = (*flight.states, flight.planned.state(flight.times))
+    *flown, planned = (ratios_at_times(one, zone)[1].min(axis=0, initial=np.inf) for one in every)
     least = np.stack(flown)
     if not np.isfinite(least).any():
         raise ValueError("zone: no pair has a zone; give one")
     run, step = (int(k) for k in np.unravel_index(int(np.argmin(least)), least.shape))
-    pairs, ratios = every[run]
-    pair = " and ".join(called[k] for k in pairs[int(np.argmin(ratios[:, step]))])
+    pairs, ratios = ratios_at_times(flight.states[run, :, step : step + 1], zone)
+    pair = " and ".join(called[k] for k in pairs[int(np.argmin(ratios))])
     dot = (float(flight.times[step]), float(least[run, step]))
     words = ("each run", "median", f"closest approach, run {run}")
     curves = runs(flight, flight.times, least, run, words, dot, f"{pair}, {dot[1]:.4f} × zone")

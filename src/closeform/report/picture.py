@@ -85,7 +85,7 @@ class Picture:
 class Film(Picture):
     """Animation of up to `most` spacecraft; its function writes the GIF."""
 
-    most: int = 400  # drawn in about 15 s
+    most: int = 400  # drawn in about half a minute
 
     def draw(self, folder: "Folder") -> Shot:
         """Write the animation into a folder and return it."""

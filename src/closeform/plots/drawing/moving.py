@@ -37,6 +37,8 @@ def write_gif(
     headline.set_animated(True)  # canvas.draw skips it
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)
+    for axes in figure.axes:
+        axes.autoscale(False)  # what moves keeps the scales of the background
     background = {child for axes in figure.axes for child in axes.get_children()}
 
     def frame(time: float) -> Image.Image:

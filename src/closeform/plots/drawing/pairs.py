@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.all_pairs import screen
-from closeform.conflicts.flight import ALL_PAIRS, nearest
+from closeform.conflicts.flight import nearest
 from closeform.conflicts.two_paths import PairConflict, closest_approach, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
@@ -27,7 +27,7 @@ class Pairs:
 
     `craft` (M, 2) holds sorted indices i < j. Each pair has a `zone`, a minimum `ratio` (M,), inf if the two
     share no time, the `time` of closest approach (M,) [s], and its conflicts, `stays`. `total` is the number
-    of all pairs with a zone: of very many, only the closest are here.
+    of all pairs with a zone, which may be more than M.
     """
 
     paths: Path
@@ -39,17 +39,20 @@ class Pairs:
     total: int
 
     @classmethod
-    def of(cls, paths: Any, zones: Any, count: int | None = None, name: str = "zones") -> Self:
+    def of(
+        cls, paths: Any, zones: Any, count: int | None = None, name: str = "zones", most: float = np.inf
+    ) -> Self:
         """Return the pairs of N `paths` with one zone for all, one for each, or `PairZones`; or no pairs.
 
-        The first two apply to pairs with at least one of the first `count` spacecraft. Raises ValueError for
-        a wrong number of zones, or if two zones cannot be combined.
+        The first two apply to pairs with at least one of the first `count` spacecraft. Of more than
+        `most` pairs, those in conflict and the closest are returned. Raises ValueError for a wrong number of
+        zones, or if two zones cannot be combined.
         """
         batch = stack(crafts("paths", paths))
         flying = len(batch) if count is None else count
         none = zones is None or (isinstance(zones, Sequence) and not zones)
         kept = pair_zones(name, [None] * len(batch) if none else zones, flying, len(batch) - flying)
-        parts = list(portions(kept) if kept.pairs <= ALL_PAIRS else nearest(batch, kept))
+        parts = list(portions(kept) if kept.pairs <= most else nearest(batch, kept))
         near = [closest_approach(batch[first], batch[second], zone) for zone, first, second in parts]
         craft = np.concatenate([np.empty((0, 2), dtype=int), *(np.stack(pair, 1) for _, *pair in parts)])
         ratio, time = (
@@ -67,7 +70,7 @@ class Pairs:
             ratio[order],
             time[order],
             [tuple(stays.get(tuple(pair), ())) for pair in craft[order].tolist()],
-            len(craft) if kept.pairs <= ALL_PAIRS else kept.pairs,
+            len(craft) if kept.pairs <= most else kept.pairs,
         )
 
     def __len__(self) -> int:
@@ -104,8 +107,9 @@ def places_at(paths: Path, times: Floats) -> Floats:
     """Return positions (N, T, 3) [m] of paths (N,), nan outside of their times."""
     found = np.full((len(paths), len(times), 3), np.nan)
     for k, places in enumerate(found):
-        there = (times >= paths[k].start) & (times <= paths[k].end)
-        places[there] = paths[k].position(times[there])
+        path = paths[k]
+        there = (times >= path.start) & (times <= path.end)
+        places[there] = path.position(times[there])
     return found
 
 
