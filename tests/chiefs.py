@@ -33,6 +33,15 @@ def kepler_mp(state, time):
     return [*place, *(f_rate * r + (1 - a / later * (1 - mp.cos(change))) * v)]
 
 
+def to_fifty_digits(state, time):
+    """Return the position [m] after `time` [s] about the Earth in 50 digits."""
+    with mp.workdps(50):
+        root = mp.sqrt(mp.mpf(MU))
+        place, speed = ([mp.mpf(float(one)) for one in part] for part in (state[:3], state[3:]))
+        later = kepler_mp([*place, *(one / root for one in speed)], root * mp.mpf(float(time)))
+        return [float(one) for one in later[:3]]
+
+
 def chief_mp(e, s):
     """Return the chief's inertial state at eccentric anomaly s, with a = mu = 1."""
     c, q, root = mp.cos(s), mp.sin(s), mp.sqrt(1 - mp.mpf(e) ** 2)

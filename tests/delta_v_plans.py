@@ -3,19 +3,11 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from bridge import hill
 from formations import LOW_ORBIT
 
 ORBIT = LOW_ORBIT
 NEAR = 1.3  # ratio below which it keeps a supporting plane
-
-
-def rates(n):
-    """Return the matrix of Hill's equations."""
-    a = np.zeros((6, 6))
-    a[:3, 3:] = np.eye(3)
-    a[3, 0], a[5, 2] = 3.0 * n * n, -n * n
-    a[3, 4], a[4, 3] = 2.0 * n, -2.0 * n
-    return a
 
 
 def passage(seed, thrusters=None):
@@ -39,7 +31,7 @@ def passage(seed, thrusters=None):
 
 def flown(path, times):
     """Return positions (T, 3) and the end state of impulses by an integrator."""
-    motion = rates(path.orbit.mean_motion)
+    motion = hill(path.orbit.mean_motion)
     fired = list(path.impulses)
     state = path.state(path.start)
     if fired and fired[0][0] == path.start:

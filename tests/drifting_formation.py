@@ -4,15 +4,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from simulated import axes_of, chief, textbook
+from simulated import FIELD, axes_of, textbook
 
-FIELD = cf.Field(chief())
-ORBIT = FIELD.chief.orbit
 START = np.array([[0, 400, 0, 0, 0, 0], [0, 0, 300, 0, 0, 0], [0, -200, 50, 0, 0, 0.0]])
 ENDS = np.array([[0, -300, 200, 0, 0, 0], [0, 50, 0, 0, 0, 0], [100, 0, 0, 0, 0, 0.0]])
 SPAN = 3000.0
 OWN = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-4, period=30.0)
-SIGHT, OFF = cf.Navigation(0.1, 3e-4), (0.01, 0.01)
+OFF = 0.01, 0.01
 
 
 def drifted(start: float, state: np.ndarray, end: float, field: cf.Field = FIELD) -> np.ndarray:

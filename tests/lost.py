@@ -18,6 +18,25 @@ STEP = 6.0  # s; 1.5 deg of rotation at 0.25 deg/s
 # turns of one search: (about, angle), or a multiple of the tip angle
 MODIFIED = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, ("sun", np.pi), -2, 1]
 BASIC = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, -1]
+# Five craft as in H03 section V: two pairs lock in the IPS, a fifth joins the second, they meet in the OPS.
+POSITIONS = np.array(
+    [
+        [-27.8, -70.6, 90.9],
+        [-3.9, -72.1, -70.0],
+        [-37.0, -34.8, 95.9],
+        [-75.2, -42.8, -50.7],
+        [-64.5, 24.0, 97.5],
+    ]
+)
+VELOCITIES = np.array(
+    [
+        [-0.0558, -0.0006, 0.0215],
+        [-0.0257, 0.0298, -0.0438],
+        [0.0008, -0.0097, 0.0053],
+        [0.023, -0.0395, 0.028],
+        [0.0001, 0.004, 0.0038],
+    ]
+)
 
 
 class Sky:

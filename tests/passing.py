@@ -4,19 +4,13 @@ import numpy as np
 from scipy.linalg import expm
 
 import closeform as cf
+from bridge import hill
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
 ZONE = cf.Sphere(15.0)
 AHEAD = [0, 120, 0, 0, 0, 0]
 SLOW = np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2  # 120 m ahead: 4 % enter twice in two orbits
-
-
-def hill(n):
-    matrix = np.zeros((6, 6))
-    matrix[:3, 3:] = np.eye(3)
-    matrix[3, 0], matrix[5, 2], matrix[3, 4], matrix[4, 3] = 3 * n * n, -n * n, 2 * n, -2 * n
-    return matrix
 
 
 def coasts(state, duration, orbit=ORBIT):

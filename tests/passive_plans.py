@@ -4,17 +4,11 @@ import numpy as np
 from scipy.linalg import expm
 
 import closeform as cf
+from bridge import hill
 from ring_transfers import RADIUS
 
 ORBIT = cf.Orbit.circular(500e3)
 EVERY = 20.0  # s, between samples of a drift: below 1e-3 of the zone
-
-
-def hill(n):
-    matrix = np.zeros((6, 6))
-    matrix[:3, 3:] = np.eye(3)
-    matrix[3, 0], matrix[3, 4], matrix[4, 3], matrix[5, 2] = 3 * n * n, 2 * n, -2 * n, -n * n
-    return matrix
 
 
 MATRIX = hill(ORBIT.mean_motion)

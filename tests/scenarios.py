@@ -1,4 +1,4 @@
-"""Two scenarios for tests: a spacecraft that crosses a cluster, and lost spacecraft that search."""
+"""Scenarios for tests: a spacecraft that crosses a cluster, and lost spacecraft that search."""
 
 GOOD = """\
 closeform = 1
@@ -25,6 +25,15 @@ do = "avoid"
 craft = "F3"
 to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }
 within = "0.1 orbits"
+"""
+MODIFIED = """
+[sensor]
+half_angle = "70 deg"
+
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
 """
 LOST = """\
 closeform = 1

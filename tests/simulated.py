@@ -21,6 +21,25 @@ def task(orbit: cf.Orbit, seed: int, count: int = 2, size: float = 400.0, turns:
     return *(draws.normal(size=(2, count, 6)) * scale), turns * orbit.period
 
 
+FIELD = cf.Field(chief())
+ORBIT, SIGHT = FIELD.chief.orbit, cf.Navigation(0.1, 3e-4)
+
+
+def formation(turns: float = 1.0, count: int = 4) -> cf.Path:
+    return ORBIT.transfer(*task(ORBIT, 7, count, turns=turns))
+
+
+def kicked() -> cf.Path:
+    return ORBIT.impulsive(*task(ORBIT, 7, 4, turns=0.9))
+
+
+def swap() -> np.ndarray:
+    """Return states (3, 6) at rest; the first two change places past the third."""
+    states = np.zeros((3, 6))
+    states[:, 1], states[:, 2] = [0.0, 15.0, 90.0], [140.0, -140.0, 0.0]
+    return states
+
+
 def textbook(place: np.ndarray) -> np.ndarray:
     """Return the acceleration of a point mass and J2 (Vallado 2013, 8-30) at positions (..., 3)."""
     r = np.linalg.norm(place, axis=-1, keepdims=True)
@@ -137,3 +156,14 @@ def flown_apart(path: cf.Path, field: cf.Field, times: np.ndarray) -> np.ndarray
     states = found.y.T.reshape(len(times), -1, 6)
     axes = np.stack([axes_of(one[0]) for one in states])
     return np.einsum("tij,tnj->nti", axes, states[:, 1:, :3] - states[:, :1, :3])
+
+
+def deviations(path: cf.Path, flights: cf.Simulation) -> np.ndarray:
+    return (flights.states - path.state(flights.times))[..., :3]
+
+
+def at(margins: cf.TrackingMargins, what: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return values (N, T, ...) at the times of the margins, interpolated to other times."""
+    flat = what.reshape(len(what), len(margins.times), -1)
+    found = [[np.interp(times, margins.times, column) for column in one.T] for one in flat]
+    return np.moveaxis(np.array(found), 1, 2).reshape(len(what), len(times), *what.shape[2:])

@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 from field_scenario import IN_AIR, swap
+from scenarios import MODIFIED
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
@@ -192,3 +193,36 @@ seed = 5
 "craft.position" = { ball = "250 m" }
 "craft.velocity" = { ball = "6 cm/s" }
 """
+# Lost spacecraft with little propellant and a small budget.
+LIMITED = (
+    """\
+closeform = 1
+title = "Lost"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["L1", "L2", "L3"]
+group = ["A", "B", "A"]
+position = "0 0 0 m"
+velocity = "0 0 0 m/s"
+mass = "100 kg"
+specific_impulse = "60 s"
+propellant = "14 g"
+delta_v_budget = "8 cm/s"
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+do = "gather"
+
+[study]
+cases = 120
+seed = 3
+
+[study.vary]
+"craft.position" = { ball = "60 m" }
+"craft.velocity" = { ball = "6 cm/s" }
+"""
+    + MODIFIED
+)

@@ -9,11 +9,11 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 import closeform as cf
+from bridge import hill
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.report.sections import moves
 from closeform.scenario import ScenarioError, parse
-from delta_v_plans import rates
 
 FILE = """\
 closeform = 1
@@ -59,7 +59,7 @@ def state_at(phase):
 @cache
 def gramian():
     """Return the Gramian of the whole duration by quadrature."""
-    motion, push = rates(ORBIT.mean_motion), np.eye(6)[:, 3:]
+    motion, push = hill(ORBIT.mean_motion), np.eye(6)[:, 3:]
 
     def reached(t):
         return expm(motion * t) @ push
@@ -72,7 +72,7 @@ def gramian():
 
 def minimum_energy(final):
     """Return half of d W^-1 d, where d is the miss of a coast."""
-    missed = final - expm(rates(ORBIT.mean_motion) * DURATION) @ START
+    missed = final - expm(hill(ORBIT.mean_motion) * DURATION) @ START
     return 0.5 * missed @ np.linalg.solve(gramian(), missed)
 
 

@@ -10,9 +10,9 @@ from astropy.time import Time, TimeDelta
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from chiefs import to_fifty_digits
 from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.chief import Chief
-from fifty_digits import to_fifty_digits
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 EPOCH = "2026-11-22T12:00:00.123456789"

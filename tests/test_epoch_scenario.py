@@ -12,13 +12,14 @@ import pytest
 from astropy.time import Time, TimeDelta
 
 import closeform as cf
+from chiefs import to_fifty_digits
 from closeform.cli.app import main
 from closeform.cli.console import print_report
 from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
 from dated import CIRCLE, chief, scenario
-from fifty_digits import to_fifty_digits
+from scenarios import MODIFIED
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -250,7 +251,8 @@ def test_endless_drift_has_no_end_time(tmp_path, capsys):
     assert all(stamp is None or stamp.endswith("Z") for stamp in tables["drifts"]["time_utc"])
 
 
-LOST = """\
+LOST = (
+    """\
 closeform = 1
 title = "Lost, at an epoch"
 
@@ -265,14 +267,6 @@ position = ["0 0 0 m", "100 20 30 m"]
 velocity = "0 0 0 cm/s"
 keep_out = { sphere = "1 m" }
 
-[sensor]
-half_angle = "70 deg"
-
-[search]
-method = "modified"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-
 [[stage]]
 do = "coast"
 for = "100 s"
@@ -280,6 +274,8 @@ for = "100 s"
 [[stage]]
 do = "lock"
 """
+    + MODIFIED
+)
 
 
 def test_times_of_a_search_start_at_its_stage(tmp_path, capsys):

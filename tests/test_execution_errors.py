@@ -4,9 +4,20 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from simulated import chief, fired, flown, pushed, task
+from simulated import (
+    FIELD,
+    ORBIT,
+    SIGHT,
+    chief,
+    fired,
+    flown,
+    formation,
+    kicked,
+    pushed,
+    swap,
+    task,
+)
 from test_pulsed_flight import on_times
-from tracked import CHIEF, FIELD, ORBIT, SIGHT, formation, kicked, swap
 
 BURNS = cf.Uncertainty(magnitude=0.02, pointing=0.03)
 PLANNED, BACKWARD, STRUCK = 1, 2, 3
@@ -306,4 +317,4 @@ def test_invalid_errors_are_named():
     with pytest.raises(ValueError, match=r"^errors: 2 for 4 craft; give one, or one for each$"):
         cf.simulate(path, FIELD, errors=[None, BURNS])
     with pytest.raises(ValueError, match=r"^errors: expected Uncertainty, got 0\.1$"):
-        cf.simulate(path, cf.Field(CHIEF), errors=0.1)
+        cf.simulate(path, cf.Field(FIELD.chief), errors=0.1)

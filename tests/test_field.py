@@ -15,7 +15,7 @@ import closeform as cf
 from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
 from closeform.dynamics.model_error_estimate import MOVES, model_error
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
-from simulated import EPOCH, MU, axes_of, chief, fired, flown, pushed, task, textbook
+from simulated import EPOCH, MU, axes_of, chief, fired, flown, formation, pushed, task, textbook
 
 # --- forces -----------------------------------------------------------------------------------
 
@@ -506,12 +506,6 @@ def test_pulses_under_feedback():
 
 
 # --- feedback ---------------------------------------------------------------------------------
-
-
-def formation(turns: float = 1.0):
-    orbit = chief().orbit
-    start, final, duration = task(orbit, 7, count=4, turns=turns)
-    return orbit.transfer(start, final, duration)
 
 
 def test_open_loop_agrees_with_an_independent_integrator():

@@ -9,7 +9,8 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
-from delta_v_plans import NEAR, ORBIT, flown, passage, rates
+from bridge import hill
+from delta_v_plans import NEAR, ORBIT, flown, passage
 from formations import cases
 
 GRID = 241  # impulse times of the convex program
@@ -18,7 +19,7 @@ BY_IMPULSES = 5e-4  # relative gap to the convex program, whose planes are those
 
 def minimum_on_planes(path, obstacle, radius, a, b, duration):
     """Return the minimum cost (SOCP) of impulses on a grid within the supporting planes of a path."""
-    motion = rates(ORBIT.mean_motion)
+    motion = hill(ORBIT.mean_motion)
     fired = [t for t, _ in path.impulses]
     times = np.union1d(np.linspace(0.0, duration, GRID), fired)
     ways = np.array([expm(motion * (duration - t))[:, 3:] for t in times])

@@ -8,13 +8,15 @@ import pytest
 import closeform as cf
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
+from scenarios import MODIFIED
 from turns import Turning, first_lock, turns
 
 RATE, LIMIT = radians(0.25), radians(25)
 S04 = cf.Search.modified(cf.Sensor(radians(70)), RATE, LIMIT)
 DRAWN = np.array([1000.0, 1000.0, 1000.0, 0.4, 0.4, 0.4])
 FOURTH_REGION = S04.legs[12].end  # s, 7589.9: the second mOPS has region IV in its cone
-SCENARIO = """\
+SCENARIO = (
+    """\
 closeform = 1
 title = "The latest lock"
 
@@ -27,17 +29,11 @@ group = ["A", "B"]
 position = ["0 0 0 m", "{} {} {} m"]
 velocity = ["0 0 0 m/s", "{} {} {} m/s"]
 
-[sensor]
-half_angle = "70 deg"
-
-[search]
-method = "modified"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-
 [[stage]]
 do = "lock"
 """
+    + MODIFIED
+)
 
 
 @pytest.mark.slow

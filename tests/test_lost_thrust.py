@@ -12,9 +12,9 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import parse
-from drifting_formation import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
+from drifting_formation import ENDS, OFF, OWN, SPAN, START, drifted
 from field_scenario import swap
-from simulated import chief
+from simulated import FIELD, ORBIT, SIGHT, chief
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -12,7 +12,7 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
 from closeform.scenario import parse
-from verdicts import LOST
+from studies import LIMITED
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 G0 = 9.80665
@@ -119,7 +119,7 @@ def test_thrust_limit_does_not_apply_to_impulses() -> None:
 )
 def test_study_and_run_use_the_same_zones(zones: str, stage: str) -> None:
     """Each pair has its own zone."""
-    text = LOST.replace('do = "gather"', f'do = "{stage}"').replace('{ sphere = "20 m" }', zones)
+    text = LIMITED.replace('do = "gather"', f'do = "{stage}"').replace('{ sphere = "20 m" }', zones)
     scenario = parse(text)
     clear = evaluated(scenario, 60, 3, lambda done: None).kept["clear"]
     alone = [not plan_mission(case_of(scenario, case)).verdict.conflicts for case in range(60)]

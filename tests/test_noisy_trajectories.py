@@ -10,10 +10,11 @@ from scipy.linalg import expm
 from scipy.stats import norm
 
 import closeform as cf
+from bridge import hill
 from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories
 from closeform.uncertainty.error_columns import columns_of
 from closeform.uncertainty.white_noise import OFF, velocity_changes
-from passing import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill, noise_of
+from passing import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, noise_of
 
 
 def sampled_with_noise(means, density, zone, covariance, duration, n=N, samples=2_000, seed=3):

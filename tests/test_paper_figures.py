@@ -8,29 +8,11 @@ import pytest
 
 import closeform as cf
 from closeform.papers import cone_regions
+from lost import POSITIONS, VELOCITIES
 
 RATE, HALF = radians(0.25), radians(70.0)
 MODIFIED = cf.Search.modified(cf.Sensor(HALF), RATE, radians(25.0))
 BASIC = cf.Search.basic(cf.Sensor(HALF, offset=7.5), RATE, radians(25.0), in_plane_turn=2 * pi)
-# Five craft as in H03 section V: two pairs lock in the IPS, a fifth joins the second, they meet in the OPS.
-POSITIONS = np.array(
-    [
-        [-27.8, -70.6, 90.9],
-        [-3.9, -72.1, -70.0],
-        [-37.0, -34.8, 95.9],
-        [-75.2, -42.8, -50.7],
-        [-64.5, 24.0, 97.5],
-    ]
-)
-VELOCITIES = np.array(
-    [
-        [-0.0558, -0.0006, 0.0215],
-        [-0.0257, 0.0298, -0.0438],
-        [0.0008, -0.0097, 0.0053],
-        [0.023, -0.0395, 0.028],
-        [0.0001, 0.004, 0.0038],
-    ]
-)
 FIVE = cf.gather(BASIC, POSITIONS, VELOCITIES, "balanced", burns="second")
 LOCKS = [event for event in FIVE.events if event.kind == "lock"]
 

@@ -11,11 +11,12 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 import closeform as cf
+from bridge import hill
 from closeform.uncertainty.collision.expected_entries import entry_rates
 from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories, relative_errors
 from closeform.uncertainty.collision.short_encounter import probability_inside
 from closeform.uncertainty.error_columns import columns_of
-from passing import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill
+from passing import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts
 
 
 def zone_entries(positions, zone):

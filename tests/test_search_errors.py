@@ -11,6 +11,7 @@ from bodies import RATE, Body, first_lock
 from closeform.campaign import case_of, evaluated
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
+from scenarios import MODIFIED
 from turns import turns
 
 LIMIT = radians(25)
@@ -196,7 +197,8 @@ def test_errors_of_wrong_shape_are_rejected():
         cf.lock_times(search, r, v, 0.1)
 
 
-RUN = """\
+RUN = (
+    """\
 closeform = 1
 title = "Two, one of them late, both turned"
 
@@ -212,17 +214,11 @@ pointing_error = ["1 2 0 deg", "0 -3 0 deg"]
 slew_rate_error = ["1 %", "-2 %"]
 start_offset = ["0 s", "30 s"]
 
-[sensor]
-half_angle = "70 deg"
-
-[search]
-method = "modified"
-slew_rate = "0.25 deg/s"
-sun_limit = "25 deg"
-
 [[stage]]
 do = "lock"
 """
+    + MODIFIED
+)
 
 
 def test_run_uses_the_errors_of_its_file(tmp_path):

@@ -7,13 +7,14 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
+from bridge import hill
 from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from closeform.planning.plan import Contact
 from closeform.planning.planner import once
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
 from delta_v_plans import ORBIT as LOW
-from delta_v_plans import passage, rates
+from delta_v_plans import passage
 from swaps import CRAFT, ORBIT, OTHER, PATH, RADIUS, SPACE, TILT, N, swapping
 
 # Plans end where conditions hold to 1e-11: over a thousandth of a zone that, and the fifth derivative of
@@ -134,7 +135,7 @@ def test_price_agrees_with_the_dual_of_a_quadratic_program():
     zone, nodes = cf.Ellipsoid([30.0, 60.0, 37.5]), 300
     found = cf.avoid(PATH, OTHER, zone)
     ends = np.unique([*np.linspace(0.0, 3000.0, nodes + 1), *(one.time for one in found.contacts)])
-    motion, steps = rates(N), np.diff(ends)
+    motion, steps = hill(N), np.diff(ends)
 
     def pushed(time):  # state at a time from each piece of thrust, rows of position and velocity
         rows = np.zeros((6, 3 * len(steps)))
@@ -174,7 +175,7 @@ def test_delta_v_price_agrees_with_the_dual_of_a_cone_program():
     orbit = obstacle.orbit
     found = cf.avoid(orbit.transfer(a, b, duration), obstacle, cf.Sphere(radius), cost="delta-v")
     assert found.status == cf.Status.AVOIDED
-    motion = rates(orbit.mean_motion)
+    motion = hill(orbit.mean_motion)
     times = np.union1d(np.linspace(0.0, duration, 401), [t for t, _ in found.path.impulses])
     count, planes, floors = len(times), [], []
     for one in found.contacts:

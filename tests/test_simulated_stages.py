@@ -9,8 +9,7 @@ from matplotlib.collections import LineCollection
 
 import closeform as cf
 from closeform.cli.app import main
-from simulated import chief, fired, pushed
-from tracked import at, deviations
+from simulated import at, chief, deviations, fired, pushed
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -13,7 +13,8 @@ from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
 from closeform.scenario.table import ScenarioError
-from drifting_formation import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
+from drifting_formation import ENDS, OFF, OWN, SPAN, START, drifted
+from simulated import FIELD, ORBIT, SIGHT
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

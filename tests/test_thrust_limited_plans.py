@@ -14,9 +14,10 @@ from scipy.linalg import expm
 
 import closeform as cf
 import passages
+from bridge import hill
 from closeform.fuel.burns import burns_of
 from closeform.mission.stage_burns import burns_in
-from delta_v_plans import NEAR, passage, rates
+from delta_v_plans import NEAR, passage
 from formations import LOW_ORBIT
 
 ORBIT = LOW_ORBIT
@@ -29,14 +30,14 @@ QUICK = ((4, 2.0), (11, 0.85))
 def effect_of_thrust(n, h):
     """Return the effect (6, 3) of constant thrust over a time h, by Van Loan's exponential."""
     block = np.zeros((9, 9))
-    block[:6, :6], block[3:6, 6:] = rates(n), np.eye(3)
+    block[:6, :6], block[3:6, 6:] = hill(n), np.eye(3)
     return expm(block * h)[:6, 6:]
 
 
 def minimum_on_planes(path, obstacle, radius, a, b, duration, limit):
     """Return the minimum cost (SOCP) of limited thrust in slots within the supporting planes of a path."""
     n, h = ORBIT.mean_motion, duration / SLOTS
-    one, step = effect_of_thrust(n, h), expm(rates(n) * h)
+    one, step = effect_of_thrust(n, h), expm(hill(n) * h)
     powers = [np.eye(6)]
     for _ in range(SLOTS):
         powers.append(step @ powers[-1])
@@ -75,7 +76,7 @@ def minimum_on_planes(path, obstacle, radius, a, b, duration, limit):
 
 def flown(path, times):
     """Return positions (T, 3) and the end state by an integrator of the thrust."""
-    motion = rates(path.orbit.mean_motion)
+    motion = hill(path.orbit.mean_motion)
     edges = np.unique(np.concatenate([path.arcs[:, 0], [path.end]]))
     state, places = path.state(path.start), np.empty((len(times), 3))
     for begin, end in zip(edges[:-1], edges[1:], strict=True):

@@ -11,7 +11,8 @@ from scipy.optimize import nnls
 
 import closeform as cf
 import passages
-from delta_v_plans import flown, passage, rates
+from bridge import hill
+from delta_v_plans import flown, passage
 from formations import LOW_ORBIT, cases
 
 ORBIT = LOW_ORBIT
@@ -35,7 +36,7 @@ def directions_at(thrusters, t):
 
 def least_by_thrusters(path, obstacle, radius, a, b, duration, thrusters):
     """Return the least cost on a grid with the planes of a path near a sphere (linear program)."""
-    motion = rates(ORBIT.mean_motion)
+    motion = hill(ORBIT.mean_motion)
     times = np.union1d(np.linspace(0.0, duration, GRID), [t for t, _ in path.impulses])
     ways = [directions_at(thrusters, t).T for t in times]  # (3, m) each
     equal = np.hstack([expm(motion * (duration - t))[:, 3:] @ d for t, d in zip(times, ways, strict=True)])
@@ -259,9 +260,9 @@ def test_impulses_respect_the_minimum_bit():
         before = 0.0
         for t, push in plan.paths[k].impulses:
             assert np.abs(push[push != 0.0]).min() >= 0.02
-            x = expm(rates(ORBIT.mean_motion) * (t - before)) @ x + np.concatenate([np.zeros(3), push])
+            x = expm(hill(ORBIT.mean_motion) * (t - before)) @ x + np.concatenate([np.zeros(3), push])
             before = t
-        off = expm(rates(ORBIT.mean_motion) * (duration - before)) @ x - ends[1][k]
+        off = expm(hill(ORBIT.mean_motion) * (duration - before)) @ x - ends[1][k]
         assert np.abs(off[:3]).max() < 1e-5
     assert cf.screen(plan.paths, cf.Sphere(20.0)).conflicts == ()
     assert free.lower_bound * (1.0 - 1e-6) <= plan.delta_v < 1.1 * free.delta_v

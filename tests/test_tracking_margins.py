@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from tracked import CHIEF, FIELD, OFF, ORBIT, SIGHT, at, deviations, formation, kicked, swap
+from simulated import FIELD, ORBIT, SIGHT, at, deviations, formation, kicked, swap
+
+OFF = 0.01, np.radians(1.0)
 
 
 def test_margins_bound_thrust_errors_tightly():
@@ -124,10 +126,10 @@ def test_required_thrust_with_feedback():
 
 def differential_drag() -> tuple[cf.Path, cf.Field]:
     """Return three coasting spacecraft, two of which have another drag than the chief."""
-    lag = cf.Field(CHIEF, 0, cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.03, 0.01], 0.02, spin=0.0))
+    lag = cf.Field(FIELD.chief, 0, cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.03, 0.01], 0.02, spin=0.0))
     states = np.zeros((3, 6))
     states[:, 1] = [0.0, 50.0, -50.0]
-    return CHIEF.orbit.coast(states, 3.0 * ORBIT.period), lag
+    return ORBIT.coast(states, 3.0 * ORBIT.period), lag
 
 
 def test_tube_includes_the_minimum_bit():
@@ -325,7 +327,7 @@ def two_transfers(begin: float) -> cf.Path:
 def test_impulses_at_measurement_times(begin):
     """A measurement at the time of an impulse precedes it, wherever the path starts."""
     gates = cf.Uncertainty(impulse=(0.0, 0.01, 0.0, 0.0175))
-    field = cf.Field(CHIEF, 0)
+    field = cf.Field(FIELD.chief, 0)
     early, late = (
         cf.tracking_margins(two_transfers(one), field, errors=gates, cancel=False) for one in (0.0, begin)
     )

@@ -7,9 +7,8 @@ import closeform as cf
 from closeform.dynamics.simulation.thruster_pulses import controllable_axes, lacks_axis
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
-from drifting_formation import FIELD, ORBIT, SIGHT
 from field_scenario import swap
-from simulated import flown_apart
+from simulated import FIELD, ORBIT, SIGHT, flown_apart
 
 IN_PLANE = cf.Thrusters([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], acceleration=0.02, period=30.0)
 NAVIGATION = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n\n[simulation]\nseeds = 2\n'

@@ -18,7 +18,7 @@ from closeform.mission.verdict import conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from runs import outputs
-from verdicts import LOST
+from studies import LIMITED
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -333,7 +333,7 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
 def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
     """Of each craft that burns and of all, by the rocket equation from its delta-v."""
     monkeypatch.chdir(tmp_path)
-    Path("lost.toml").write_text(LOST)
+    Path("lost.toml").write_text(LIMITED)
     main(["run", "lost.toml", "--case", "0", "--out", "out"])
     printed = capsys.readouterr().out
     (gathering,) = json.loads(Path("out/summary.json").read_text())["stages"]
@@ -353,7 +353,7 @@ def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
 def test_case_and_run_have_the_same_verdict(stage: str, tmp_path, monkeypatch, capsys) -> None:
     """Each case is as clear and within its limits as its run."""
     monkeypatch.chdir(tmp_path)
-    text = LOST.replace('do = "gather"', f'do = "{stage}"')
+    text = LIMITED.replace('do = "gather"', f'do = "{stage}"')
     Path("lost.toml").write_text(text)
     campaign = cf.study("lost.toml")
     scenario = parse(text, "lost.toml")
