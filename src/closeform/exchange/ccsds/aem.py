@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ccsds.message_text import head, keyed, text_rows
-from closeform.exchange.export_tracks.track import FileFrame
+from closeform.exchange.ccsds.message_text import head, keyed
+from closeform.exchange.export_tracks.track import FileFrame, text_rows
 
 BODY = "SC_BODY_1"
 CONVENTION = (

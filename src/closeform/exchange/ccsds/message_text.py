@@ -11,6 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.exchange.ephemerides.covariance import LOWER
 from closeform.exchange.epochs import now
+from closeform.exchange.export_tracks.track import text_rows
 
 ORIGINATOR = "CLOSEFORM"
 STATE = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
@@ -56,22 +57,12 @@ def keyed(entries: Mapping[str, str]) -> list[str]:
     return [f"{keyword} = {value}" for keyword, value in entries.items()]
 
 
-def text_rows(stamps: Sequence[str], form: str, values: Floats) -> str:
-    """Return a line for each stamp and its row of numbers; `form` formats a line with its stamp first."""
-    width = values.shape[1] + 1
-    cells: list[object] = [None] * (len(stamps) * width)
-    cells[::width] = stamps
-    for k, column in enumerate(np.asarray(values, dtype=float).T):
-        cells[k + 1 :: width] = column.tolist()
-    return (f"{form}\n" * len(stamps)) % tuple(cells)
-
-
 def oem_key_values(segments: Sequence[Segment], comments: Sequence[str], originator: str = ORIGINATOR) -> str:
     """Return an OEM in key-value form."""
     parts = ["\n".join([*head("OEM", "2.0", comments, originator), ""])]
     for one in segments:
         parts.append("\n".join(["", "META_START", *keyed(one.metadata), "META_STOP", "", ""]))
-        parts.append(text_rows(one.stamps, ROW, one.states / 1e3))
+        parts.append(text_rows(list(one.stamps), ROW, one.states / 1e3))
         parts.append("".join(f"{line}\n" for line in covariance_lines(one)))
     return "".join(parts)
 
@@ -105,7 +96,7 @@ def oem_xml(segments: Sequence[Segment], comments: Sequence[str]) -> str:
         parts.append("<segment>\n<metadata>\n")
         parts += [f"<{keyword}>{escape(value)}</{keyword}>\n" for keyword, value in one.metadata.items()]
         parts.append("</metadata>\n<data>\n")
-        parts.append(text_rows(one.stamps, row, one.states / 1e3))
+        parts.append(text_rows(list(one.stamps), row, one.states / 1e3))
         parts += covariance_elements(one)
         parts.append("</data>\n</segment>\n")
     return "".join([*parts, "</body>\n</oem>\n"])

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ccsds.message_text import ROW, head, keyed, text_rows
+from closeform.exchange.ccsds.message_text import ROW, head, keyed
 from closeform.exchange.ccsds.track_messages import comments
 from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
-from closeform.exchange.export_tracks.track import FileFrame, Track
+from closeform.exchange.export_tracks.track import FileFrame, Track, text_rows
 
 ACCELERATION = ("TIME_RELATIVE", "MAN_DURA", "ACC_X", "ACC_Y", "ACC_Z", "ACC_INTERP")
 IMPULSE = ("TIME_RELATIVE", "MAN_DURA", "DV_X", "DV_Y", "DV_Z")

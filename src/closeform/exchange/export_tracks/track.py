@@ -142,6 +142,16 @@ class Track:
         return f"{text} are off by up to {self.error:.1e} m, measured against the closed form"
 
 
+def text_rows(stamps: list[str], form: str, values: Floats) -> str:
+    """Return a line for each stamp and its row of numbers; `form` formats a line with its stamp first."""
+    width = values.shape[1] + 1
+    cells: list[object] = [None] * (len(stamps) * width)
+    cells[::width] = stamps
+    for k, column in enumerate(np.asarray(values, dtype=float).T):
+        cells[k + 1 :: width] = column.tolist()
+    return (f"{form}\n" * len(stamps)) % tuple(cells)
+
+
 def file_names(names: Sequence[str]) -> list[str]:
     """Return unique file names, also for file systems that ignore case."""
     found: list[str] = []
