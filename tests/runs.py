@@ -36,6 +36,15 @@ def run_text(text: str, tmp_path: Path, monkeypatch, capsys, *, pictures: bool =
     return Run(status, capsys.readouterr().out, tmp_path / "results")
 
 
+def numbers(value: object) -> list[float]:
+    """Return every number in a JSON value."""
+    if isinstance(value, dict):
+        return [n for item in value.values() for n in numbers(item)]
+    if isinstance(value, list):
+        return [n for item in value for n in numbers(item)]
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
 def outputs(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
     """Return the status, output, summary and page of a run without pictures."""
     monkeypatch.chdir(tmp_path)

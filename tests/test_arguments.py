@@ -42,6 +42,10 @@ UNKNOWN = {  # arguments that may be nan, of which nothing is then known
     ("papers.cone_regions", "position"),
     ("Gathering.known", "time"),
 }
+# arguments that may be negative, and that may be infinite
+SIGNED = {"altitude", "along_track", "argument_of_perigee", "first_phase", "inclination", "j2", "latitude"}
+SIGNED |= {"phase", "spin", "start", "time", "true_anomaly", "until"}
+ENDLESS = {"gap", "interpolate", "max_acceleration", "prove", "range", "slew_acceleration", "time", "until"}
 SHAPED = np.ones((2, 1, 1, 1, 5))  # valid only where any shape is
 
 
@@ -57,6 +61,10 @@ def test_invalid_arguments_are_named(name):
         numeric = isinstance(good, float) or (isinstance(good, np.ndarray) and good.dtype == float)
         if numeric and (name, argument) not in UNKNOWN:
             bads["not finite"] = np.full(np.shape(good), np.nan)[()]
+        if isinstance(good, float) and argument not in SIGNED:
+            bads["negative"] = -1.0 - good
+        if isinstance(good, float) and argument not in ENDLESS:
+            bads["infinite"] = np.inf
         for kind, bad in bads.items():
             if not (isinstance(good, str) and isinstance(bad, str) and free):
                 with pytest.raises((ValueError, TypeError)) as caught:

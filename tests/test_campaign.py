@@ -37,6 +37,7 @@ from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
+from runs import numbers
 from studies import EXAMPLES, GATHERING, H03, LOST, NARROW, S04, as_words
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -225,6 +226,22 @@ def test_report_of_s04(s04: tuple[Path, str]) -> None:
     assert re.findall(r'href="(case-\d+\.html)"', page)  # replays of cases
     assert (results / "scenario.toml").read_text() == S04.read_text()
     assert {file.name for file in (results / "cases").iterdir()} == {"000000000.parquet", "000100000.parquet"}
+
+
+def test_summary_holds_every_printed_figure(s04: tuple[Path, str]) -> None:
+    summary = json.loads((s04[0] / "summary.json").read_text())
+    assert (summary["status"], summary["seed"], summary["cases"]) == (0, 2004, 150_000)
+    assert summary["inputs"] == {"s04.toml": f"sha256:{load(S04).digest}"}
+    kept = numbers(summary)
+    kept += [100.0 * value for value in kept] + [np.degrees(value) for value in kept]
+    body = re.sub(r"[\d.]+ % by its end|[\d.]+ %", "", s04[1].split("\n", 1)[1])
+    figures = re.findall(r"(?<![\w.])\d+\.\d+", body)
+    assert len(figures) > 30
+    for text in figures:
+        step = 10.0 ** -len(text.split(".")[1])
+        assert any(abs(value - float(text)) <= 0.51 * step for value in kept), (
+            f"{text} is not in summary.json"
+        )
 
 
 def test_sampled_detection_agrees_with_angles() -> None:
@@ -478,6 +495,18 @@ def test_error_messages_of_study_commands(tmp_path, monkeypatch, capsys) -> None
             "search.sun_limit: a half-angle of 60 deg requires tips of 35.264 deg, "
             "above the limit of 25 deg; "
             "a half-angle of 67.0902 deg is sufficient",
+        ),
+        (
+            'half_angle = "20 deg"',
+            'half_angle = "40 deg"',
+            "sensor.half_angle: 40 deg is below 45 deg; no tip covers the complementary cones; ",
+        ),
+        ("deep_space = true", 'altitude = "500 km"', "orbit: a search is for deep space only; "),
+        ("[study.vary]", '[study.published]\n"IPS" = "5 %"\n[study.vary]', 'study: published has "IPS", '),
+        (
+            '"craft.position" = { shell = ["50 m", "200 m"] }',
+            "",
+            "craft.position: P and Q are at the same position; move one of them",
         ),
         ('"A", "B", "A"', '"A", "A", "A"', "craft.group: group B is empty, "),
         ('["60 s"]', '["1 ms"]', 'study.sampled[1]: "1 ms" is below 0.01 s; '),

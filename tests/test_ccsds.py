@@ -104,7 +104,9 @@ def test_written_file_is_an_oem_to_the_oem_package(tmp_path):
 DAMAGE = {
     "empty": (lambda text: "", "empty file"),
     "not an OEM": (lambda text: "a,b,c\n1,2,3\n", "line 1: not an OEM, which starts with CCSDS_OEM_VERS"),
+    "cut in the header": (lambda text: text[:40], "has no segment"),
     "cut in a state": (lambda text: text[:-20], "line 18: expected an epoch and 6 or 9 numbers, got 4 words"),
+    "one state": (lambda text: HEAD + ROWS.splitlines()[0], "has 1 states"),
     "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
     "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
     "epochs fall": (
@@ -122,6 +124,11 @@ DAMAGE = {
     "keyword twice": (
         lambda text: text.replace("META_STOP", "REF_FRAME = TOD\nMETA_STOP"),
         "line 13: keyword REF_FRAME occurs twice",
+    ),
+    "unknown time": (lambda text: text.replace("UTC", "MET"), "TIME_SYSTEM MET is not supported"),
+    "wrong span": (
+        lambda text: text.replace("E = 2016-12-31T23:59:50", "E = 2018-01-01T00:00:00"),
+        "has 0 states from",
     ),
     "two segments": (lambda text: text + HEAD[HEAD.index("META_START") :] + ROWS, "has 2 segments"),
     "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "incomplete OEM"),
@@ -226,8 +233,11 @@ def test_common_frame_takes_the_shared_epochs_only():
 @pytest.mark.parametrize(
     ("others", "message"),
     [
+        ([], "at least two are needed, got 1"),
         ([circular("CHIEF")], "CHIEF: two ephemerides have this OBJECT_NAME"),
         ([circular("D", frame="EME2000")], "D: REF_FRAME EME2000 differs from GCRF of CHIEF"),
+        ([circular("D", time_system="UTC")], "D: TIME_SYSTEM UTC differs from TAI"),
+        ([circular("D", center="MARS")], "D: CENTER_NAME MARS differs"),
         ([circular("D", epoch="2020-01-02T00:00:00")], "CHIEF, D: fewer than two common epochs"),
     ],
 )

@@ -267,7 +267,30 @@ DAMAGE = {
     "a word": (lambda text: text.replace("41874.15587", "far"), f"line {number_of('Y = ')}: 'far' is not a number"),
     "not finite": (lambda text: text.replace("41874.15587", "nan"), f"line {number_of('Y = ')}: Y is not finite"),
     "a state without keyword": (lambda text: text.replace("X = 153.446765", "153.446765"), "is not a keyword with a value"),
-    "a radius of nothing": (lambda text: text.replace("HBR = 15.0", "HBR = 0 [m]"), "hard_body_radius: must be positive, got 0 m"),
+    "a radius of nothing": (lambda text: text.replace("HBR = 15.0", "HBR = 0 [m]"), "hard_body_radius: must be positive and finite, got 0 m"),
+    "no time": (lambda text: text.replace("TCA = ", "COMMENT "), "keyword TCA is missing before OBJECT1"),
+    "objects exchanged": (
+        lambda text: text.replace("OBJECT = OBJECT1", "OBJECT = OBJECT2"),
+        f"line {number_of('OBJECT = ')}: OBJECT is 'OBJECT2', expected OBJECT1",
+    ),
+    "a third object": (lambda text: text + "OBJECT = OBJECT3\n", "has 3 of 2 objects"),
+    "states in m without unit": (
+        lambda text: "".join(
+            f"{line.split('=')[0]}= {1e3 * float(line.split()[2])}\n" if "[km]" in line else line
+            for line in text.splitlines(True)
+        ),
+        "miss_distance: 5.04972 m, but the states are 50.*check their units",
+    ),
+    "a negative variance": (
+        lambda text: text.replace("CN_N = 1.2050395223076", "CN_N = -1.2"),
+        f"line {number_of('CN_N')}: CN_N: a variance is negative",
+    ),
+    "frames that differ": (lambda text: text.replace("EME2000", "GCRF", 1), "objects: are in different frames, GCRF and EME2000"),
+    "an unknown frame": (lambda text: text.replace("EME2000", "MARS"), "OBJECT1: frame: MARS is unknown; convert the states"),
+    "a probability above 1": (
+        lambda text: text.replace("COMMENT HBR", "COLLISION_PROBABILITY = 1.5\nCOMMENT HBR"),
+        "collision_probability: must be from 0 to 1, got 1.5",
+    ),
     "XML that explodes": (
         lambda text: "<?xml version='1.0'?><!DOCTYPE cdm [<!ENTITY a 'aaaa'>]><cdm>&a;</cdm>",
         "declares entities, which no message has",

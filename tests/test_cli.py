@@ -24,6 +24,7 @@ from closeform.storage.publishing import folder
 from closeform.storage.result_folder import FolderError
 from orbit_files import contents, oem
 from pages import assert_linked
+from runs import numbers
 from scenarios import GOOD
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -172,15 +173,6 @@ def test_summary_holds_every_printed_figure(cluster_run: tuple[Path, str]) -> No
         shown = float(text)
         step = 10.0 ** (np.floor(np.log10(abs(shown))) - digits + 1) if shown else 0.1
         assert any(abs(value - shown) <= 0.51 * step for value in kept), f"{text} is not in summary.json"
-
-
-def numbers(value: object) -> list[float]:
-    """Every number in a JSON value."""
-    if isinstance(value, dict):
-        return [n for item in value.values() for n in numbers(item)]
-    if isinstance(value, list):
-        return [n for item in value for n in numbers(item)]
-    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
 def test_report_is_self_contained(cluster_run: tuple[Path, str]) -> None:

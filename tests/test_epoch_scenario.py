@@ -95,6 +95,20 @@ def test_epoch_adds_utc_only(tmp_path, capsys):
     assert [line for line in shown if len(line) > 100 and "results in" not in line] == []
 
 
+def test_wide_tables_omit_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
+    """Wide tables of burns fit 100 columns; the files have UTC."""
+    text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"').replace(
+        "keep_out",
+        'mass = "12 kg"\nmax_thrust = "2 N"\nspecific_impulse = "60 s"\nthrusters = "rtn"\nkeep_out',
+    )
+    monkeypatch.setattr("closeform.cli.console.UNBROKEN", 100)
+    lines, _, tables = run_output(tmp_path, text, capsys)
+    head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
+    assert [line for line in lines if len(line) > 100 and "results in" not in line] == []
+    assert "UTC" not in head
+    assert None not in tables["burns"]["start_utc"]
+
+
 def test_chief_defines_the_orbit(tmp_path, capsys):
     _, plain, plain_tables = run_output(tmp_path, scenario('semi_major_axis = "7000 km"'), capsys)
     lines, figures, tables = run_output(tmp_path, scenario(chief(CIRCLE + ', latitude = "10 deg"')), capsys)

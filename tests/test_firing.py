@@ -267,6 +267,11 @@ REFUSED = {
         {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=4000.0)},
         "period: 4000 s is longer than the plan, which takes 3000 s; give a shorter one",
     ),
+    "too short a period": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=1e-4)},
+        "period: 3000 s of thrust are more than 1000000 cycles or pieces of an orbit; give a longer one, or "
+        "fire the plan piece by piece",
+    ),
     "too weak": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e-5, period=30.0)},
         "acceleration: at about 2985.08 s thruster 0 must provide 0.000175 m/s², above its 1e-05 m/s²; plan "
@@ -276,6 +281,11 @@ REFUSED = {
         {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=30.0, minimum_bit=5.0)},
         "minimum_bit: 5 m/s is above 0.192 m/s, the largest pulse of the plan, so no thruster "
         "would fire; plan with impulses, or take finer thrusters",
+    ),
+    "bit above each impulse": (
+        {"plan": BURNS, "thrusters": cf.Thrusters.rtn(acceleration=1.0, minimum_bit=5.0)},
+        "minimum_bit: 5 m/s is above 0.064 m/s, the largest pulse of the plan, so no thruster "
+        "would fire; take finer thrusters",
     ),
     "stronger than times can tell": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e9, period=30.0)},
@@ -290,6 +300,17 @@ REFUSED = {
     "impulses too close": (
         {"plan": ORBIT.two_impulse(A, A + [0, 9, 0, 0, 2, 0], 20.0), "thrusters": SIX},
         "acceleration: thruster 2 fires",
+    ),
+    "sets for others": (
+        {"thrusters": [SIX, SIX]},
+        "thrusters: 2 sets for 1 spacecraft; give one, or one for each",
+    ),
+    "no mass": ({"specific_impulse": 60.0}, "mass: required with specific_impulse; give both or neither"),
+    "no specific impulse": ({"mass": 60.0}, "specific_impulse: required with mass; give both or neither"),
+    "blocked": ({"plan": BLOCKED}, f"plan: has no path: {BLOCKED.reason}"),
+    "batch of batches": (
+        {"plan": ORBIT.coast(np.zeros((2, 3, 6)), 9.0)},
+        "plan: expected one spacecraft or a batch of shape (N,), got shape (2, 3)",
     ),
     "obstacles without a zone": (
         {"obstacles": MOVE},

@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from closeform.cli.app import main
 from closeform.scenario import Scenario, ScenarioError, parse
 from closeform.scenario.load import File
 from closeform.scenario.table import Table, complaints, tables_in
+from damage import assert_refused
 from orbit_files import contents, oem
 from scenarios import GOOD, LOST
 
@@ -109,6 +110,17 @@ def test_mistakes_in_calls_name_the_argument() -> None:
         orbit.coast([0.0, 200.0, 0.0], 900.0)
     with pytest.raises(ValueError, match="thrusters"):
         cf.avoid(path, path, cf.Sphere(20.0), thrusters=cf.Thrusters.rtn())
+
+
+@pytest.mark.parametrize("read", [cf.read_oem, cf.read_cdm, cf.read_csv])
+def test_absent_and_binary_files_are_refused_in_one_line(
+    read: Callable[[Path], object], tmp_path: Path
+) -> None:
+    file = tmp_path / "picture"
+    assert_refused(read, file, "cannot be read: No such file")
+    assert_refused(read, tmp_path, "cannot be read")
+    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    assert_refused(read, file, "not a text file; give ")
 
 
 def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from scipy.special import ndtri
 
 import closeform as cf
 from closeform.campaign import case_of, evaluated
@@ -19,6 +20,7 @@ from closeform.storage.result_folder import Folder
 from closeform.viewer import replays
 from closeform.viewer.scene import scene_of
 from closeform.viewer.shown import Shown
+from philox import block
 from studies import PASS
 
 # B and C are sampled around the goal of A, which is unreachable in some cases.
@@ -56,6 +58,21 @@ def test_each_case_equals_its_run(missions, blocked):
             )
             ends = mission.results[-1].end
             np.testing.assert_equal(campaign.column("end_s")[case], np.nan if stopped else ends)
+
+
+def test_samples_come_from_the_philox_blocks(missions):
+    """Spacecraft c of 3 in case K takes block 3 K + c of the stream of each key."""
+    scenario, case = missions.scenario, 5
+    found = case_of(scenario, case)
+    for key, size in (("craft.position", 3), ("craft.mass", 1)):
+        random = np.array([block(11, key, 3 * case + c) for c in range(3)])
+        for c in range(3):
+            one, nominal = found.craft[c], scenario.craft[c]
+            if size == 3:
+                truth = np.array(nominal.position) + 8.0 * ndtri(random[c, :3])
+                np.testing.assert_array_equal(one.position, truth)
+            else:
+                assert one.mass == 100.0 + 20.0 * (2.0 * random[c, 0] - 1.0)
 
 
 def test_case_does_not_depend_on_its_chunk(missions):

@@ -256,6 +256,13 @@ def test_limits_as_force_and_acceleration_agree():
     assert force.delta_v == pytest.approx(acceleration.delta_v, rel=1e-12)
 
 
+def test_impossible_option_has_a_reason():
+    """Two impulses one orbit apart reach only positions along the track."""
+    (section,) = RunReport(plan_mission(parse(alone(within='"1 orbit"')))).sections
+    (told,) = (line for line in section.closing if line.startswith("No "))
+    assert re.fullmatch(r"No impulses at both ends: .* miss the position by at least \S+ m", told)
+
+
 def test_avoidance_by_impulses(ran):
     run = ran(passage())
     assert run.status == 0
@@ -302,6 +309,17 @@ def test_pulses_keep_zones(ran, cost):
     plain(run)
 
 
+def test_avoidance_from_a_coast_has_no_relative_cost(ran):
+    """The minimum without zones is zero, so that no share of it is printed."""
+    text = re.sub(r"^to = .*$", "", passage(), flags=re.MULTILINE).replace("0.2 orbits", "0.5 orbits")
+    run = ran(text.replace("0 8 -80 m", "0 5 60 m"))
+    assert run.status == 0
+    assert "Optimality gap: lower bound 0 m/s" in run.printed
+    assert "energy" not in run.printed
+    check_sums(run, "Q")
+    plain(run)
+
+
 def test_pulses_that_violate_a_zone_give_status_1(ran):
     """The end is a centimetre outside the zone, and pulses deviate into it."""
     text = passage('max_thrust = "20 mN"\nthrusters = "rtn"\nperiod = "120 s"', 'cost = "energy"')
@@ -339,6 +357,11 @@ def test_named_thrusters_are_the_table_of_six():
     assert (one.pulsed.firing.pulses.start == other.pulsed.firing.pulses.start).all()
     speed = plan_mission(parse(alone(ON_OFF.replace("1 mN s", "0.0833333333333 mm/s")))).results[0]
     assert speed.pulsed.firing.delta_v == pytest.approx(one.pulsed.firing.delta_v, rel=1e-9)
+
+
+def test_energy_needs_a_period():
+    with pytest.raises(ScenarioError, match=r"craft\.period: missing"):
+        parse(alone(ON_OFF.replace('period = "30 s"', ""), cost='"energy"'))
 
 
 def test_avoidance_by_burns_within_a_limit(ran):
@@ -409,6 +432,13 @@ def test_missing_thrust_direction_names_the_spacecraft(do):
         text = text.replace(goal, goal.replace("{", "[{").replace("}", "}]"))
     with pytest.raises(ScenarioError, match=r"stage\[1\]: thrusters: Q: .*no thruster acts cross-track"):
         plan_mission(parse(text))
+
+
+def test_verdict_without_zones():
+    report = RunReport(plan_mission(parse(alone())))
+    assert "no conflict remains" in str(report.mission.verdict)  # a single spacecraft
+    two = alone(name='["I", "J"]', position='["0 500 0 m", "0 9 0 m"]', do='"transfer"\ncraft = "J"')
+    assert "no search for conflicts" in str(plan_mission(parse(two)).verdict)
 
 
 def test_six_impulses_of_the_inspector_are_optimal(ran):
@@ -504,7 +534,7 @@ def test_zones_grow_only_as_pulses_need():
     mission = plan_mission(parse(TIGHT.replace("0.1 mN", "2 mN")))
     assert mission.clear
     pulsed = mission.results[0].pulsed
-    assert 45.0 < 45.0 * pulsed.room.larger < 45.1
+    assert 45.0 <= 45.0 * pulsed.room.larger < 45.1
 
     def least(paths):
         times = np.linspace(max(one.start for one in paths), min(one.end for one in paths), 6001)  # 0.1 m
@@ -513,6 +543,21 @@ def test_zones_grow_only_as_pulses_need():
 
     assert least([pulsed.firing.path[k] for k in range(4)]) > 45.0 - MILLIMETRE
     assert least(pulsed.planned.paths) > 45.0 * pulsed.room.larger - MILLIMETRE
+
+
+def test_planned_and_fired_delta_v_are_both_reported(ran):
+    """Table of the plan, table of the pulses, text and summary agree."""
+    run = ran(alone(ON_OFF, cost='"energy"'))  # planned thrust has any direction
+    (shot,) = run.summary["stages"][0]["transfer"]["pulsed"]["craft"]
+    planned = run.summary["stages"][0]["transfer"]["planned"]["delta_v_m_s"]
+    fired = run.summary["delta_v_m_s"]["I"]
+    assert fired > planned
+    assert (shot["planned_m_s"], shot["delta_v_m_s"]) == pytest.approx((planned, fired), rel=1e-9)
+    assert f"Delta-v fired {fired:.6g} m/s, for {planned:.6g} m/s planned" in run.printed
+    heads = [line for line in run.printed.splitlines() if "delta-v [m/s]" in line]
+    assert "planned delta-v [m/s]" in heads[0]
+    assert "fired [m/s]" in run.printed
+    assert f"Delta-v planned {planned:.6g} m/s" in run.printed
 
 
 RING = """\

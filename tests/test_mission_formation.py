@@ -231,6 +231,33 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     ].count("<td class") == len(plan.contacts)
 
 
+def test_use_of_limits(undrawn, tmp_path, monkeypatch, capsys) -> None:
+    """Report the greatest share of each limit, of delta-v and propellant over all stages so far."""
+    text = fleet(SPREAD, BACK).replace(
+        'mass = "100 kg"',
+        'mass = "100 kg"\nmax_thrust = "1 N"\nspecific_impulse = "70 s"\npropellant = "1 kg"\n'
+        'delta_v_budget = ["9 m/s", "0.9 m/s", "9 m/s", "9 m/s"]',
+    )
+    mission = plan_mission(parse(text))
+    run = run_text(text, tmp_path, monkeypatch, capsys)
+    thrust = r"^Peak: thrust (\S+) of 1 N \((\S+)\)$"
+    spent = r"^Highest use so far: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
+    peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
+    delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
+    for row, (flown, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
+        left = 100.0 - (burnt[row - 1] if row else 0.0)
+        force = dict(zip(mission.scenario.names, left * flown.after.paths.peak_thrust, strict=True))
+        assert force[who] == pytest.approx(max(force.values()), rel=1e-9)  # two are equal
+        assert float(peak) == pytest.approx(force[who], rel=5e-4)  # four digits
+        assert delta_v[row].argmax() != 1  # F2 has the tightest budget, and spends less than others
+        assert float(total[0]) == pytest.approx(delta_v[row, 1], rel=5e-4)
+        assert float(total[1]) == pytest.approx(1e3 * burnt[row].max(), rel=5e-4)
+        told = run.summary["stages"][row]["limits"]
+        assert told["thrust_N"] == {"craft": who, "used": pytest.approx(force[who]), "limit": 1.0}
+        assert told["delta_v_m_s"] == {"craft": "F2", "used": pytest.approx(delta_v[row, 1]), "limit": 0.9}
+        assert told["propellant_kg"]["used"] == pytest.approx(burnt[row].max())
+
+
 def test_swap_in_deep_space() -> None:
     """All 66 pairs meet in the centre on their direct paths, and none on the plan."""
     mission = plan_mission(load(EXAMPLES / "swap_deep_space.toml"))

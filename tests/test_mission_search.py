@@ -15,9 +15,10 @@ from closeform.cli.app import main
 from closeform.cli.console import WIDTH
 from closeform.mission.mission import plan_mission
 from closeform.report.run import RunReport
-from closeform.scenario import parse
+from closeform.scenario import load, parse
+from closeform.storage.publishing import folder
 from lost import BASIC, Sky, gathered
-from runs import AFTER, FIRST, MOVING, PLACES, Run, run_text, searched
+from runs import AFTER, FIRST, MOVING, PLACES, Run, numbers, run_text, searched
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -156,7 +157,7 @@ def check_print(run: Run) -> None:
             assert float(what.split()[-1]) == pytest.approx(1e3 * size, abs=0.0501)
     kept = [value for row in events for value in row.values() if isinstance(value, float)]
     kept += [np.linalg.norm([row[key] for key in ("dvx_m_s", "dvy_m_s", "dvz_m_s")]) for row in events]
-    kept += all_numbers(run.summary)
+    kept += numbers(run.summary)
     legs = run.summary["stages"][0]["search"]["legs"]
     kept += [leg["end_s"] - leg["start_s"] for leg in legs]
     kept += [scale * value for value in kept for scale in (1e3, 100.0, 180 / np.pi)]
@@ -165,15 +166,6 @@ def check_print(run: Run) -> None:
     for text in re.findall(r"(?<![\w.:])\d+\.\d+", body):
         places = len(text.split(".")[1])
         assert any(abs(value - float(text)) <= DIGITS * 10.0**-places for value in kept), f"{text} is nowhere"
-
-
-def all_numbers(value: object) -> list[float]:
-    """Return all numbers in a JSON value."""
-    if isinstance(value, dict):
-        return [n for item in value.values() for n in all_numbers(item)]
-    if isinstance(value, list):
-        return [n for item in value for n in all_numbers(item)]
-    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
 def test_s04_counterexample_locks_in_the_second_mops(fly_file, monkeypatch, capsys) -> None:
@@ -372,6 +364,36 @@ def test_each_pair_has_its_own_zone() -> None:
         ("L1", "L3"): 10.0,
         ("L2", "L3"): 20.0,
     }
+
+
+def test_long_timeline_is_folded() -> None:
+    mission = plan_mission(load(EXAMPLES / "swarm.toml"))
+    tables = {table.title.split(",")[0]: table for table in RunReport(mission).sections[0].tables}
+    assert tables["Timeline"].folded
+    assert tables["Delta-v of each craft"].folded
+    assert not tables["Progress at the end of each phase with events"].folded
+    assert len(tables["Timeline"].rows) == len(mission.results[0].result.events)
+
+
+def test_tpf_states_tool_accepts_its_states() -> None:
+    """tools/tpf_states.py: the four locks are within a second of the times of H03."""
+    tool = runpy.run_path(str(TOOLS / "tpf_states.py"))
+    places, speeds = states(EXAMPLES / "tpf.toml")
+    five = np.concatenate([places, speeds], axis=1)
+    assert tool["score"](five) < 1.0
+    assert tool["fits"](five[1:] - five[:1]).all()
+    assert tool["score"](five[[0, 3, 2, 1, 4]]) == np.inf  # the same craft, but TPF4 is found first
+
+
+def test_progress_messages(tmp_path) -> None:
+    said: list[str] = []
+    mission = plan_mission(parse(searched(position=PLACES, velocity=MOVING)), said.append)
+    with folder(tmp_path / "results") as under_way:
+        RunReport(mission).write(under_way, said.append)
+    assert said[0] == "stage 1 of 1: gather"
+    assert "writing tables" in said
+    shown = [text.split(":")[0] for text in said if text.startswith("picture")]
+    assert shown == [f"picture {k + 1} of {len(shown)}" for k in range(len(shown))]
 
 
 def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> None:

@@ -16,6 +16,7 @@ from closeform.campaign import error_cases, evaluated
 from closeform.campaign.error_cases import drawn
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
+from closeform.mission.uncertainty import UncertainStage
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from closeform.storage.result_folder import LOCK, PRIVATE
@@ -232,6 +233,12 @@ def test_hard_bodies_are_judged_without_keep_out_zones() -> None:
     (section,) = RunReport(mission).sections
     (line,) = (line for line in section.closing if line.startswith("Probability"))
     assert re.search(r"in this stage: .*\(certified .* the hard bodies' 10 m", line)
+
+
+def test_mission_without_uncertainty(monkeypatch) -> None:
+    monkeypatch.setattr(UncertainStage, "of", None)
+    text = re.sub(r"covariance = .*\n", "", HEAD)
+    assert plan_mission(parse(text + CLOSER)).results[0].uncertain is None
 
 
 def test_study_counts_agree_with_the_probability(tmp_path, monkeypatch, capsys) -> None:

@@ -94,6 +94,10 @@ DAMAGE = {
         lambda text: text.replace(ROWS.splitlines()[2] + "\n", "", 1),
         f"line {AT + 5}: 4 values in place of row 3 of a lower triangle",
     ),
+    "the last row lost": (
+        lambda text: text.replace(ROWS.splitlines()[5] + "\n", "", 1),
+        f"line {AT + 1}: covariance of 2016-12-31T23:59:50 has fewer than six rows",
+    ),
     "not finite": (
         lambda text: text.replace("4.1024000e-04", "nan"),
         f"line {AT + 1}: covariance of 2016-12-31T23:59:50: a value is not finite",
@@ -107,6 +111,7 @@ DAMAGE = {
         f"line {AT + 10}: epochs of covariances must increase",
     ),
     "never closed": (lambda text: text.replace("COVARIANCE_STOP\n", ""), "COVARIANCE_STOP is missing"),
+    "before metadata": (lambda text: text.replace("ORIGINATOR", BLOCK + "ORIGINATOR"), "COVARIANCE_START is out of place"),
 }  # fmt: skip
 
 

@@ -1,9 +1,11 @@
 """Passive safety in missions: verdicts against integrated failures, messages, files and pictures."""
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -134,6 +136,26 @@ def test_station_examples_are_passively_safe(name, planned, least):
     found = mission.results[0].passive
     assert (found.planned, found.safe, mission.verdict.status) == (planned, True, 0)
     assert found.worst.ratio > least
+
+
+def test_output_files_and_pictures(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("file.toml").write_text(HEAD + APPROACH + 'drift = "2 orbits"\n')
+    assert main(["run", "file.toml"]) == 1
+    out = capsys.readouterr().out
+    assert "Not passively safe for 2 orbits: Inspector to Client, closest approach 0.0017 x zone" in out
+    assert "not planned for" in out
+    assert "not passively safe for 2 orbits in stage 1 (transfer): Inspector with Client" in out
+    folder = Path("file-results")
+    summary = json.loads((folder / "summary.json").read_text())
+    told = summary["stages"][0]["passive_safety"]
+    assert (told["safe"], told["planned"], told["unsafe"], told["pairs"]) == (False, False, 1, 1)
+    assert told["failure"] == {"what": "ThrustLost"}
+    rows = pq.read_table(folder / "drifts.parquet").to_pylist()
+    assert [(row["first"], row["second"]) for row in rows] == [("Inspector", "Client")]
+    assert rows[0]["ratio"] == told["nearest"]["ratio"]
+    assert {"stage-1-failures.png", "stage-1-drift.png"} <= {file.name for file in folder.iterdir()}
+    assert "Not passively safe" in (folder / "report.html").read_text()
 
 
 SWAP = """\

@@ -257,9 +257,22 @@ BAD = {
         lambda: cf.join([ORBIT.coast(ZERO, 1.0), ORBIT.coast(ZERO + 1, 1.0, start=1.0)]),
         "paths: position jumps by 1 m",
     ),
+    "join nothing": (lambda: cf.join([]), "paths: "),
+    "join shapes": (
+        lambda: cf.join([ORBIT.coast(ZERO, 1.0), ORBIT.coast(np.zeros((1, 6)), 1.0, start=1.0)]),
+        "paths: all must have one shape",
+    ),
     "join orbits": (
         lambda: cf.join([ORBIT.coast(ZERO, 1.0), DEEP.coast(ZERO, 1.0, start=1.0)]),
         "paths: all must be in one orbit to join",
+    ),
+    "stack orbits": (
+        lambda: cf.stack([ORBIT.coast(ZERO, 1.0), DEEP.coast(ZERO, 1.0)]),
+        "paths: all must be in one orbit to stack",
+    ),
+    "impulses of a batch": (
+        lambda: ORBIT.coast(np.zeros((2, 6)), 1.0).impulses,
+        "impulses: requires one spacecraft",
     ),
     "stack batches": (lambda: cf.stack([ORBIT.coast(np.zeros((1, 6)), 1.0)]), "paths: stack takes"),
 }

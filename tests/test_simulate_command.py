@@ -15,6 +15,7 @@ import closeform as cf
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
 from closeform.mission.mission_result import Mission
+from closeform.mission.simulation_verdict import Entered
 from closeform.mission.stage_margin import reference_errors
 from closeform.mission.stage_start import BurnRoom, StageStart
 from closeform.results.load import LoadedRun
@@ -346,6 +347,11 @@ def test_replanning_needs_one_stage_of_continuous_thrust(
         assert re.match(f"--control: .*{re.escape(str(refused))}", capsys.readouterr().err)
 
 
+def test_an_option_keeps_the_other_defaults_of_impulsive_feedback(impulse_run: Path, tmp_path: Path):
+    _, found, _ = simulated(impulse_run, tmp_path / "out", "--seeds", "1", "--horizon", "20 min")
+    assert found["feedback"] == {"every_s": 300.0, "horizon_s": 1200.0, "impulses": 6, "delay_s": 0.0}
+
+
 SHOOTERS = """\
 mass = "12 kg"
 max_thrust = ["20 mN", "25 mN"]
@@ -434,6 +440,11 @@ def test_one_simulation_suffices_without_uncertainty(impulse_run: Path, tmp_path
     assert not any(word in printed for word in ("95 %", "Worst", "tube", "stay within"))
     spent = np.abs(tables["flights"]["feedback_delta_v_m_s"])
     assert ((spent == 0.0) | (spent > 1e-12)).all()
+
+
+def test_intervals_are_printed_in_percent():
+    """Wilson's interval of two in two is 34 to 100 %, not 1e+02."""
+    assert str(Entered(2, 2, 0.9, True)).endswith("(95 % between 34 and 100 %), minimum 0.9000 x zone")
 
 
 def test_viewer_shows_the_worst_simulation_stage_by_stage(run: Path, tmp_path: Path):

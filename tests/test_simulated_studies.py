@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import ndtri
 
 import closeform as cf
 from closeform.campaign import case_of, evaluated
@@ -17,6 +18,7 @@ from closeform.mission.mission import plan_mission
 from closeform.report.mission_study import missions_report
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
+from philox import block, words
 from simulated import axes_of, textbook
 from studies import COAST, ERRORS, FLIGHT, MANY, STUDY
 
@@ -146,6 +148,29 @@ def test_row_equals_its_simulation(missions, case: int):
     assert found["delta_v_m_s"] == pytest.approx(own.planned_delta_v.sum(), rel=1e-12)
     assert (found["status"] == "met") == (own.least_ratio >= 1.0)
     assert missions.scenario.flights.seeds == 100  # of a run; a case has one of its own
+
+
+def test_samples_come_from_the_philox_blocks(missions):
+    """Compare with NumPy's generator: block K of the key's stream if all spacecraft share one value."""
+    case = 5
+    found = case_of(missions.scenario, case)
+
+    def uniform(key: str, counter: int) -> float:
+        return float(block(7, key, counter)[0])
+
+    truth = found.truth
+    drawn = 5.2e-13 + 4e-13 * (2.0 * uniform("orbit.field.density", case) - 1.0)
+    assert truth.orbit.field.density == drawn
+    assert truth.navigation.position == 0.1 + 0.05 * (2.0 * uniform("navigation.position", case) - 1.0)
+    assert truth.feedback.delay == (0.0 if uniform("feedback.delay", case) < 0.5 else 20.0)
+    for c in range(2):
+        nominal = missions.scenario.craft[c].ballistic
+        own = nominal + 0.005 * (2.0 * uniform("craft.ballistic", 2 * case + c) - 1.0)
+        assert truth.craft[c].ballistic == own
+        assert found.craft[c].ballistic == nominal  # used by plans
+    assert found.flight_seed == int(words(7, "flight", case)[0])
+    random = block(7, "craft.position", 2 * case)[:3]
+    assert truth.craft[0].position == tuple(np.array([0.0, 0.0, 120.0]) + ndtri(random))
 
 
 def test_violations_and_delta_v_are_counted(missions):

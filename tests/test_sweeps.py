@@ -12,7 +12,7 @@ from closeform.campaign import evaluated
 from closeform.campaign.chunks import Held
 from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
-from closeform.report.mission_study import sweep_report
+from closeform.report.mission_study import numbered, sweep_report
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.study import points
 from studies import PASS, as_words
@@ -127,6 +127,12 @@ def test_command_writes_a_table_and_a_picture(tmp_path, monkeypatch, capsys, swe
             '["1 km"]',
             "study.sweep: camera.range: there is no camera in the file; add it, or name",
         ),
+        (
+            "stage[2].rounds",
+            "[1]",
+            "study.sweep: stage[2].rounds: there is no stage[2] in the file; add it, or",
+        ),
+        ("sensor.range", "[]", "study: sweep has no values of sensor.range; give some, or remove it"),
         ("stage[1].do", '["gather"]', "study.sweep: changes the craft or the stages; remove that key"),
         (
             "search.sun_limit",
@@ -163,3 +169,11 @@ def test_stages_craft_and_draws_can_be_swept():
     assert other["study"] == {"vary": {"craft.mass": {"normal": "2 kg"}}}
     assert chosen["craft.keep_out.sphere"] == "3 m"
     assert raw["craft"] == {"keep_out": {"sphere": "1 m"}}
+
+
+def test_axes_of_pictures():
+    assert numbered(["1 deg", "2.5 deg"]) == ([1.0, 2.5], "", "deg")
+    assert numbered(["ball 1e-3 deg", "ball 2 deg"]) == ([0.001, 2.0], "ball", "deg")
+    assert numbered(["1 deg", "2 m"]) == ([0.0, 1.0], "", "number of the value")
+    assert numbered(["least", "half"]) == ([0.0, 1.0], "", "number of the value")
+    assert numbered(["1", "2"]) == ([1.0, 2.0], "", "1")

@@ -14,7 +14,7 @@ from bridge import hill
 from closeform.campaign import case_of
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
-from closeform.mission.verdict import conflicts_in
+from closeform.mission.verdict import Use, Verdict, conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from runs import outputs
@@ -85,6 +85,18 @@ def test_plan_beyond_budget_and_propellant(
     assert [use.craft for use in mission.verdict.exceeded] == ["A"]
 
 
+def test_kept_limits_are_reported(tmp_path, monkeypatch, capsys) -> None:
+    limits = 'max_thrust = "1 N"\ndelta_v_budget = "1 m/s"\nspecific_impulse = "60 s"\npropellant = "1 kg"'
+    status, printed, summary, _ = outputs(passing(limits), tmp_path, monkeypatch, capsys)
+    assert status == 0
+    assert "clear: no conflict remains, limits are kept, closest distance" in printed
+    assert summary["limits_kept"] is True
+    status, printed, summary, _ = outputs(passing(""), tmp_path, monkeypatch, capsys)
+    assert status == 0
+    assert "clear: no conflict remains, closest distance" in printed
+    assert summary["limits_kept"] is None
+
+
 FELLOW = """meanwhile = [{ craft = "B", to = { position = "0 0 500 m", velocity = "0 0 0 m/s" } }]\n"""
 
 
@@ -116,6 +128,12 @@ def test_stopped_mission_reports_an_exceeded_budget() -> None:
     assert mission.verdict.status == 1
 
 
+def test_many_exceeded_limits_are_counted() -> None:
+    uses = [Use("thrust", "N", f"F{k}", 2.0, 1.0) for k in range(40)]
+    verdict = Verdict(None, 0, 0, (*uses, Use("delta-v", "m/s", "F1", 2.0, 1.0)), False)
+    assert str(verdict) == "limits are not kept: thrust (F0, F1, F2, 37 more), delta-v (F1)"
+
+
 def test_repeated_conflicts_of_a_pair() -> None:
     """B oscillates cross-track through A's zone twice an orbit."""
     text = """\
@@ -142,6 +160,35 @@ for = "12000 s"
     assert str(mission.verdict) == "5 conflicts of 1 pair remain"
     after = RunReport(mission).summary["stages"][1]["after"]
     assert (len(after["conflicts"]), after["pairs_in_conflict"]) == (5, 1)
+
+
+def test_conflicts_of_a_coast_are_summed_up() -> None:
+    """All 45 pairs of ten spacecraft meet four times: 180 conflicts, a row for each pair."""
+    names = ", ".join(f'"C{k}"' for k in range(10))
+    swings = ", ".join(f'{{ palmer = "0 0 0 0 {200 + 100 * k} 0 m" }}' for k in range(10))
+    text = f"""\
+closeform = 1
+title = "Swings"
+[orbit]
+period = "6000 s"
+[craft]
+name = [{names}]
+start = [{swings}]
+keep_out = {{ sphere = "20 m" }}
+[[stage]]
+do = "coast"
+for = "12000 s"
+"""
+    report = RunReport(plan_mission(parse(text)))
+    assert str(report.mission.verdict) == "180 conflicts of 45 pairs remain"
+    (section,) = report.sections
+    assert section.lines[0].startswith("Conflicts: 180 in 45 of 45 pairs; ")
+    assert [(len(table.rows), table.folded) for table in section.tables] == [
+        (40, False),
+        (180, True),
+        (45, True),
+    ]
+    assert section.tables[0].title == "Conflicts, by pair, the 40 closest of 45"
 
 
 # avoid within a thrust limit

@@ -315,6 +315,14 @@ INVALID = {
         f"[{UNSURE}, {UNSURE.replace('3.0', '2.0')}]",
         "craft.keep_out: A and B: covariances of 3 and 2 sigmas; give both the same number",
     ),
+    "body": (
+        UNSURE.replace("{", '{ kind = "body",'),
+        'craft.keep_out: covariance cannot be combined with kind = "body"; remove kind',
+    ),
+    "kind": (
+        '{ kind = "covariance", sphere = "20 m" }',
+        'craft.keep_out: kind = "covariance" requires covariance; write "region" or "body"',
+    ),
     "inside": (
         '{ kind = "body", sphere = "30 m" }',
         "craft.position: A and B start inside each other's zone, at 0.89 x zone (bodies added); move one",

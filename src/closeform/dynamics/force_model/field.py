@@ -81,14 +81,12 @@ class Drag:
         for name in ("altitude", "chief", "spin"):
             object.__setattr__(self, name, checked(name, number(name, getattr(self, name))))
         ballistic = numbers("ballistic", self.ballistic)
-        if (
-            ballistic.ndim > 1
-            or not (np.isfinite(ballistic) & (ballistic >= 0.0)).all()
-            or not self.chief >= 0.0
-        ):
-            got = shown(self.ballistic if self.chief >= 0.0 else self.chief)
+        if ballistic.ndim > 1 or not (np.isfinite(ballistic) & (ballistic >= 0.0)).all():
+            got = shown(self.ballistic)
             raise ValueError(f"ballistic: expected m^2/kg of each craft, 0 or more, got {got}")
         object.__setattr__(self, "ballistic", ballistic)
+        if self.chief < 0.0:
+            raise ValueError(f"chief: expected m^2/kg, 0 or more, got {self.chief:g}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -178,9 +178,12 @@ class Conjunction(Result):
         if self.hard_body_radius is None and None not in radii:
             object.__setattr__(self, "hard_body_radius", sum(radius or 0.0 for radius in radii))
         elif (
-            self.hard_body_radius is not None and not number("hard_body_radius", self.hard_body_radius) > 0.0
+            self.hard_body_radius is not None
+            and not 0.0 < number("hard_body_radius", self.hard_body_radius) < np.inf
         ):
-            raise ValueError(f"hard_body_radius: must be positive, got {self.hard_body_radius:g} m")
+            raise ValueError(
+                f"hard_body_radius: must be positive and finite, got {self.hard_body_radius:g} m"
+            )
         chance = self.collision_probability
         if chance is not None and not 0.0 <= number("collision_probability", chance) <= 1.0:
             raise ValueError(f"collision_probability: must be from 0 to 1, got {chance:g}")
