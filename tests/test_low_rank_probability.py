@@ -90,7 +90,7 @@ def test_far_tails_are_accurate():
     """Along-track errors do not move: inside from 9 to 15 sigma."""
     figure = probability([0, 60, 0, 0, 0, 0], [0, 5.0, 0, 0, 0, 0])
     assert figure.value == pytest.approx(norm.sf(9.0) - norm.sf(15.0), rel=1e-6)
-    assert figure.mean_entries == 0.0
+    assert figure.mean_entries <= 1e-9 * figure.value  # rounding
 
 
 def test_edges_of_the_entering_interval():

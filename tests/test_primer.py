@@ -10,11 +10,9 @@ from bridge import hill
 from closeform._jit import kernel
 from closeform.motion.minimum_delta_v.primer import (
     functional,
-    load_primer,
     peaks,
     position_rows,
     rate_rows,
-    store_primer,
 )
 
 N = 1.1e-3
@@ -30,12 +28,6 @@ def both_rows(n, t, psi, rates):
 @kernel(void(float64, float64[::1], float64[::1]))
 def value_of(n, s, g):
     functional(n, s[0], s[1], s[2], s[3], s[4], s[5], g)
-
-
-@kernel(void(float64[::1], float64[::1], float64[::1]))
-def round_trip(c, arc, back):
-    store_primer(c, arc)
-    load_primer(arc, back)
 
 
 @kernel(float64(float64, float64, float64[::1], float64, float64[::1], float64[::1], int64[::1]))
@@ -87,13 +79,6 @@ def test_value_of_impulses(n):
     g = np.empty(6)
     value_of(n, gained, g)
     assert g @ c == pytest.approx(sum(paid), abs=1e-10 * sum(map(abs, paid)))
-
-
-def test_primer_is_stored_in_an_arc():
-    arc, c, back = np.zeros(21), np.arange(1.0, 7.0), np.empty(6)
-    round_trip(c, arc, back)
-    assert (back == c).all()
-    assert (arc[12:18] == c).all()
 
 
 @pytest.mark.parametrize("n", [0.0, N])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.conflicts.all_pairs import search_pairs
-from closeform.conflicts.tracks import NO_TRACKS, follow
+from closeform.conflicts.pair_rows import conflicts_of
+from closeform.conflicts.tracks import follow
 from closeform.zones.zone import enclosing
 from pairs import KINDS, draw, graze
 from truth import faults
@@ -29,10 +29,9 @@ def followed(path, other, zone):
     return follow(*bodies, (zone,), MANY)[zone]
 
 
-def conflicts_of(path, other, zone, tracks, pair):
+def conflicts_of_one(path, other, zone, tracks, pair):
     one = np.array([pair])
-    _, rows = search_pairs(path.arcs, path.offsets, other.arcs, other.offsets, zone, one, one, tracks)
-    return rows
+    return conflicts_of(path, other, zone, one, one, tracks)[1]
 
 
 def formation(seed, spread=60.0):
@@ -112,7 +111,7 @@ def test_dense_sampling_finds_the_same_conflicts(kinds, deep):
     drawn = draw(rng, 5, kinds, deep)
     for batch in (drawn, graze(rng, drawn, 1e-9)):
         found = [
-            conflicts_of(
+            conflicts_of_one(
                 batch.path, batch.other, zone, followed(batch.path, batch.other, zone), pair
             ).tolist()
             for pair, zone in enumerate(batch.zones)
@@ -126,9 +125,8 @@ def test_conflicts_do_not_depend_on_tracks(name):
     """Conflicts are identical with and without tracks."""
     paths, zone = formation(11), ZONES[name]
     first, second = map(np.ascontiguousarray, np.nonzero(~np.eye(len(paths), dtype=bool)))
-    bodies = paths.arcs, paths.offsets
-    pairs, rows = search_pairs(*bodies, *bodies, zone, first, second, followed(paths, paths, zone))
-    every, expected = search_pairs(*bodies, *bodies, zone, first, second, NO_TRACKS)
+    pairs, rows = conflicts_of(paths, paths, zone, first, second, followed(paths, paths, zone))
+    every, expected = conflicts_of(paths, paths, zone, first, second)
     np.testing.assert_array_equal(pairs, every)
     np.testing.assert_array_equal(rows, expected)
     assert 20 < len(np.unique(pairs, axis=0)) < len(first) / 2

@@ -21,7 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 import closeform as cf
-from closeform.conflicts.all_pairs import search_pairs
+from closeform.conflicts.pair_rows import conflicts_of
 from closeform.conflicts.tracks import follow
 from pairs import draw, graze
 from truth import faults
@@ -42,7 +42,7 @@ def judge(batch, tally, seconds):
         found.append([(c.start, c.end, c.time, c.ratio) for c in cf.find_conflicts(path, other, zone)])
         bodies = path.arcs, path.offsets, other.arcs, other.offsets
         tracks = follow(*bodies, (zone,), ENOUGH)[zone]
-        tracked.append(search_pairs(*bodies, zone, one, one, tracks)[1].tolist())
+        tracked.append(conflicts_of(path, other, zone, one, one, tracks)[1].tolist())
         near.append(cf.closest_approach(path, other, zone))
     ended = time.perf_counter()
     words = faults(batch.relative, extrema, found)

@@ -122,3 +122,8 @@ def broadcast(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     except ValueError:
         given = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
         raise ValueError(f"batch shapes do not broadcast: {given}") from None
+
+
+def subdivided(edges: Floats, pieces: Any) -> Floats:
+    """Return edges (K + 1,) with each interval cut into a number of equal `pieces` (K,)."""
+    return np.interp(np.arange(np.sum(pieces) + 1.0), np.cumsum([0, *pieces]), edges)

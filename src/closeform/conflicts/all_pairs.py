@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers, sequence, shown, size
 from closeform.conflicts.batches import ahead, chunks, rounds, sieve_of
-from closeform.conflicts.pair_rows import collected, conflicts_of, tracks_of_all
-from closeform.conflicts.pair_search import COLUMNS, conflicts_of_pairs
-from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
+from closeform.conflicts.pair_rows import conflicts_of, tracks_of_all
+from closeform.conflicts.pair_search import COLUMNS
+from closeform.conflicts.tracks import NO_TRACKS
 from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
@@ -111,33 +111,6 @@ class Screening(Rows):
         return tuple(
             PairConflict(*value, *pair) for value, pair in zip(values, self.pairs.tolist(), strict=True)
         )
-
-
-def search_pairs(
-    arcs: Floats,
-    offsets: Any,
-    others: Floats,
-    other_offsets: Any,
-    zone: Zone,
-    first: Any,
-    second: Any,
-    tracks: Tracks | None = None,
-) -> tuple[Any, Floats]:
-    """Return the conflicts of pairs in order: indices (M, 2) and rows (M, 4) of start, end, time, ratio.
-
-    `first` (P,) are indices of the bodies of `arcs`, `second` of those of `others`; `tracks` bound their
-    positions. If `tracks` is None, they are computed here if that saves time.
-    """
-    if tracks is None:
-        tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]
-    bodies = arcs, offsets, others, other_offsets
-    return collected(
-        lambda pair, rows, done: conflicts_of_pairs(
-            *bodies, first, second, pair, zone.form, *tracks, rows, done
-        ),
-        first,
-        second,
-    )
 
 
 def screen(

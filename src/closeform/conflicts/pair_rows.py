@@ -1,6 +1,6 @@
 """Conflicts and closest approaches of pairs as rows of floats, in any orbit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,25 +23,14 @@ def conflicts_of(
 
     `first` (P,) are indices of the spacecraft of `path`, `second` of those of `other`.
     """
-    form = zone.form
-    bodies: tuple[Any, ...]
-    if isinstance(path.orbit, ChiefOrbit):
-        table = path.orbit.chief.table
-        bodies = table.form, table.errors, *path._segments, *other._segments
-        search = chief_search.conflicts_of_pairs
-    else:
-        bodies = path.arcs, path.offsets, other.arcs, other.offsets
-        search = pair_search.conflicts_of_pairs
-    return collected(
-        lambda pair, rows, done: search(*bodies, first, second, pair, form, *tracks, rows, done),
-        first,
-        second,
+    search, bodies = _search_of(path, other)
+    table = all_rows(
+        lambda pair, rows, done: search.conflicts_of_pairs(
+            *bodies, first, second, pair, zone.form, *tracks, rows, done
+        ),
+        len(first),
+        min(4096, 64 + len(first)),
     )
-
-
-def collected(find: Callable[[int, Floats, Any], int], first: Any, second: Any) -> tuple[Any, Floats]:
-    """Return all conflicts of pairs that `find(pair, rows, done)` fills in from a pair onward."""
-    table = all_rows(find, len(first), min(4096, 64 + len(first)))
     index = table[:, 0].astype(np.int64)
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]
 
@@ -49,15 +38,17 @@ def collected(find: Callable[[int, Floats, Any], int], first: Any, second: Any) 
 def approaches_of(path: Path, other: Path, zone: Zone, first: Any, second: Any) -> Floats:
     """Return the time and the minimum norm of each pair (P, 2); nan and inf without a common time."""
     out = np.empty((len(first), 2))
-    bodies: tuple[Any, ...]
+    search, bodies = _search_of(path, other)
+    search.approaches_of_pairs(*bodies, first, second, zone.form, out)
+    return out
+
+
+def _search_of(path: Path, other: Path) -> tuple[Any, tuple[Any, ...]]:
+    """Return the module that searches pairs in the orbit of two batches, and their motion as arguments."""
     if isinstance(path.orbit, ChiefOrbit):
         table = path.orbit.chief.table
-        bodies = table.form, table.errors, *path._segments, *other._segments
-        chief_search.approaches_of_pairs(*bodies, first, second, zone.form, out)
-    else:
-        bodies = path.arcs, path.offsets, other.arcs, other.offsets
-        pair_search.approaches_of_pairs(*bodies, first, second, zone.form, out)
-    return out
+        return chief_search, (table.form, table.errors, *path._segments, *other._segments)
+    return pair_search, (path.arcs, path.offsets, other.arcs, other.offsets)
 
 
 def tracks_of_all(paths: Path, zones: Sequence[Zone], pairs: int) -> dict[Zone, Tracks]:

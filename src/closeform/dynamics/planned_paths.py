@@ -51,7 +51,7 @@ def checked_paths(plan: Any, field: Field) -> Path:
 
 def appended_paths(before: Path, paths: Path) -> Path:
     """Return paths (N,) that apply the thrust of `paths` after that of `before`, with a coast between."""
-    from closeform.fuel.pulses import linked  # imported late: compiles kernels
+    from closeform.motion.joining import linked
 
     waits = extended_paths(before, np.array([np.min(before.start), np.min(paths.start)]))
     each = [np.concatenate([waits[k].arcs, paths[k].arcs]) for k in range(len(paths))]

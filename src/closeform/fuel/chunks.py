@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, subdivided
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.thrusters import Thrusters, turn
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, THRUST, WIDTH
@@ -207,12 +207,9 @@ def _cut(spans: Floats, begin: float, period: float | None, n: float) -> tuple[F
             cuts.append(ticks[(ticks > start + near) & (ticks < end - near)])
         edges = np.unique(np.concatenate(cuts))
         most = min(ANGLE / n if n else np.inf, SHARE * total)
-        pieces = np.ceil(np.diff(edges) / most).astype(int)
-        steps = np.repeat(np.diff(edges) / pieces, pieces)
-        inner = np.arange(len(steps)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        starts = np.repeat(edges[:-1], pieces) + steps * inner
-        low.append(starts)
-        high.append(np.append(starts[1:], end))
+        finer = subdivided(edges, np.ceil(np.diff(edges) / most))
+        low.append(finer[:-1])
+        high.append(finer[1:])
     return np.concatenate(low), np.concatenate(high)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, subdivided
 from closeform.fuel.chunks import Chunks
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
@@ -105,9 +105,8 @@ def bound(plan: Path, thrusters: Thrusters, chunks: Chunks, misfit: Misfit) -> f
     n = orbit.mean_motion
     events = np.unique(np.concatenate([[first, last], misfit.start, misfit.end, misfit.when]))
     pieces = np.maximum(np.ceil(n * np.diff(events) / FINE).astype(int), 1)
-    steps = np.repeat(np.diff(events) / pieces, pieces)
-    starts = np.repeat(events[:-1], pieces)
-    starts = starts + steps * (np.arange(len(steps)) - np.repeat(np.cumsum(pieces) - pieces, pieces))
+    edges = subdivided(events, pieces)
+    starts, steps = edges[:-1], np.diff(edges)
     left = _left(orbit, misfit, starts, steps, first)
     return SAFE * float((_held(thrusters, chunks, misfit, starts) + left).max() + misfit.rest.sum())
 

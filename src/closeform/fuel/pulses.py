@@ -9,7 +9,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, WIDTH
+from closeform.motion.joining import linked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path, ends_of
 from closeform.motion.steering import fix_inertially
@@ -70,16 +71,12 @@ def one_table(some: list[Pulses]) -> Pulses:
 
 def extended(path: Path, start: float, end: float) -> Path:
     """Return one spacecraft's path with coasts before and after it, from `start` to `end` [s]."""
-    before, after = ends_of(path)
-    pieces, rounding = [], FORGIVEN * (path.end - path.start)
+    rounding = FORGIVEN * (path.end - path.start)
     if start < path.start - rounding:
-        state = path.orbit.transition(start - path.start) @ before
-        pieces.append(path.orbit.coast(state, path.start - start, start).arcs)
-    pieces.append(path.arcs)
-    if end > path.end + rounding:
-        pieces.append(path.orbit.coast(after, end - path.end, path.end).arcs)
-    rows = np.concatenate(pieces)
-    return Path(path.orbit, rows, np.array([0, len(rows)]), ())
+        state = path.orbit.transition(start - path.start) @ ends_of(path)[0]
+        rows = np.concatenate([path.orbit.coast(state, path.start - start, start).arcs, path.arcs])
+        path = Path(path.orbit, rows, np.array([0, len(rows)]), ())
+    return path.extended(end) if end > path.end + rounding else path
 
 
 def pulsed_path(
@@ -111,16 +108,3 @@ def pulsed_path(
     if thrusters.frame == "inertial":
         fix_inertially(orbit.mean_motion, arcs)
     return linked(orbit, arcs, state)
-
-
-def linked(orbit: Orbit, arcs: Floats, state: Floats) -> Path:
-    """Return one spacecraft's path by arcs (M, 30) from a `state` (6,) before impulses; fill their states."""
-    arcs[:, STATE : STATE + 6] = 0.0
-    alone = Path(orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
-    gained = alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]
-    moved = orbit.transition(arcs[:, END] - arcs[:, START])
-    for k in range(len(arcs)):
-        arcs[k, STATE : STATE + 6] = state
-        arcs[k, STATE + 3 : STATE + 6] += arcs[k, IMPULSE : IMPULSE + 3]
-        state = moved[k] @ arcs[k, STATE : STATE + 6] + gained[k]
-    return Path(orbit, arcs, np.array([0, len(arcs)]), ())

@@ -20,7 +20,6 @@ from closeform.motion.arc import IMPULSE, THRUST
 from closeform.motion.path import Path
 from closeform.safety.drift_approach import drift_approach
 from closeform.safety.drift_screen import drift_screen
-from closeform.safety.failure_cells import extended_by_coasts
 from closeform.safety.failures import Failure, ThrustLost
 from closeform.scenario import Scenario
 from closeform.scenario.stages import Drifting
@@ -283,7 +282,7 @@ def nearest(
     """
     paths = flight.paths
     thrusts = np.array([does_thrust(paths[k]) for k in range(len(paths))])
-    flying = paths if until == inf else extended_by_coasts(paths, until)
+    flying = paths if until == inf else paths.extended(until)
     model = paths.orbit._model or HILL
     asked = sum(len(first) for _, first, _ in directed(zones, thrusts, MOST))
     looked = directed(zones, thrusts, CHUNK)

@@ -52,16 +52,6 @@ def thrust_squared(arc, n, t):
 
 
 @kernel()
-def gauss4(arc, n, middle, half):
-    """Integrate |thrust|^2 by four Gauss points: exact for a cubic thrust."""
-    a = 0.33998104358485626 * half
-    b = 0.8611363115940526 * half
-    inner = thrust_squared(arc, n, middle - a) + thrust_squared(arc, n, middle + a)
-    outer = thrust_squared(arc, n, middle - b) + thrust_squared(arc, n, middle + b)
-    return half * (0.6521451548625461 * inner + 0.34785484513745385 * outer)
-
-
-@kernel()
 def sampled(scene, t):
     """Return |thrust| or its square at time t."""
     arc, n, squared = scene
@@ -72,9 +62,7 @@ def sampled(scene, t):
 @kernel()
 def arc_energy(arc, n):
     duration = arc[END] - arc[START]
-    if arc[MEAN_MOTION] != n:
-        return 0.5 * gauss4(arc, n, 0.5 * (arc[START] + arc[END]), 0.5 * duration)
-    if pushes(arc):
+    if arc[MEAN_MOTION] != n or pushes(arc):
         return 0.5 * integral(sampled, (arc, n, True), arc[START], arc[END])
     energy = 0.0
     if has_primer(arc):

@@ -138,3 +138,15 @@ def drift(orbit: Orbit, start: float, end: float, state: Floats) -> Path:
     arc[0, [START, END, MEAN_MOTION]] = start, end, orbit._column
     arc[0, STATE : STATE + 6] = state
     return path_of(orbit, arc, np.array([0, 1]), ())
+
+
+def linked(orbit: Orbit, arcs: Floats, state: Floats) -> Path:
+    """Return one spacecraft's path by arcs (M, 30) from a `state` (6,) before impulses; fill their states."""
+    arcs[:, STATE : STATE + 6] = 0.0
+    alone = path_of(orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
+    gained = alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]
+    for arc, moved, pushed in zip(arcs, orbit._flow(arcs), gained, strict=True):
+        arc[STATE : STATE + 6] = state
+        arc[STATE + 3 : STATE + 6] += arc[IMPULSE : IMPULSE + 3]
+        state = moved @ arc[STATE : STATE + 6] + pushed
+    return path_of(orbit, arcs, np.array([0, len(arcs)]), ())

@@ -111,3 +111,24 @@ def copy(source, target):
     """Copy a vector; a slice assignment would make numba compile its error message."""
     for k in range(len(source)):
         target[k] = source[k]
+
+
+@kernel()
+def times(matrix, x, y, z):
+    """Return the product of a matrix (3, 3) and a vector."""
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
+    )
+
+
+@kernel()
+def axes_across(x, y, z):
+    """Return two unit vectors across a unit vector and each other, without loss of digits."""
+    side = 1.0 if z >= 0.0 else -1.0
+    part = -1.0 / (side + z)
+    return (
+        (1.0 + side * x * x * part, side * x * y * part, -side * x),
+        (x * y * part, side + y * y * part, -y),
+    )

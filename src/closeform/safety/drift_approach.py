@@ -324,7 +324,8 @@ def drift_approach(
         during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
         or to that fraction of itself where it is above 1, unless failures with many unknowns need more
         cells than are searched; then the minimum lies between `lower` and `ratio`.  About a chief that is
-        not on a circle `lower` is mostly 0.1 % below the ratio; where it is lower, the minimum lies between.
+        not on a circle `lower` is mostly 0.1 % below the ratio; where it is lower, as near a ratio of 0, the
+        minimum lies between.
 
     Raises
     ------

@@ -17,10 +17,9 @@ import numpy as np
 from numba import boolean, float64, int64
 
 from closeform._jit import kernel
-from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import IMPULSE
 from closeform.motion.chief.bernstein import TERMS, cut, keep_piece, weights
-from closeform.motion.chief.positions import columns_in, polynomial, slack
+from closeform.motion.chief.positions import largest, polynomial, slack
 from closeform.motion.chief.segments import (
     COLUMN,
     FIRST,
@@ -30,6 +29,7 @@ from closeform.motion.chief.segments import (
     TABLE,
     WINDOW,
     back,
+    columns_in,
     joint,
     share,
     window_at,
@@ -44,7 +44,6 @@ from closeform.zones.zone import Zone
 DEPTH = 60  # halvings of cells in work
 MOST_CELLS = 20_000  # of one failing spacecraft: grazing failures end undecided, as unsafe
 NARROWEST = 1e-6  # of a window: a smaller cell that is not clear is undecided
-SHORT = 64.0 * 2.2e-16  # rounding of sums, of the magnitudes of which they consist
 
 
 @kernel()
@@ -144,93 +143,6 @@ def all_clear(shape, faces, cells, spans, off, when, line, left, spent):
 
 
 @kernel()
-def reach_of(rows, k, column):
-    """Return the largest position coefficient of a column of window k."""
-    most = 0.0
-    for axis in range(3):
-        for b in range(TERMS):
-            most = max(most, abs(rows[k, column, axis, b]))
-    return most
-
-
-@kernel()
-def plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
-    """Return True if one plane keeps all drifts of `y` out of a ball around `row` in all of window k.
-
-    The plane faces the control point in the middle.  Only its products with the table are formed, a quarter
-    of the work of all control points.
-    """
-    middle, count = TERMS // 2, columns_in(row)
-    place, normal, turned = stack_vector(3), stack_vector(3), stack_vector(3)
-    plane, ahead, there = stack_matrix(6, 12), stack_vector(12), stack_vector(12)
-    off, size = 0.0, 0.0  # error and sum of magnitudes along an axis [m]
-    for axis in range(3):
-        place[axis] = 0.0
-    for m in range(6):
-        z, far = 0.0, 0.0
-        for q in range(6):
-            z += whole[m, q] * y[q, middle]
-            most = 0.0
-            for i in range(TERMS):
-                most = max(most, abs(y[q, i]))
-            far += abs(whole[m, q]) * (most + wrong)
-        for axis in range(3):
-            place[axis] += rows[k, m, axis, middle] * z
-        reach, slip = reach_of(rows, k, m), 0.0
-        for q in range(6):
-            slip += abs(whole[m, q]) * wrong
-        off += far * errors[k, m] + slip * reach
-        size += far * reach
-    for j in range(count):
-        value = row[COLUMN + j]
-        if value == 0.0:
-            continue
-        for axis in range(3):
-            place[axis] -= rows[k, j, axis, middle] * value
-        off += abs(value) * errors[k, j]
-        size += abs(value) * reach_of(rows, k, j)
-    for i in range(3):
-        normal[i] = matrix[i, 0] * place[0] + matrix[i, 1] * place[1] + matrix[i, 2] * place[2]
-    away = size_of(normal)
-    if not away > 1.0:
-        return False
-    for i in range(3):  # of length 1 in zone coordinates
-        turned[i] = (matrix[0, i] * normal[0] + matrix[1, i] * normal[1] + matrix[2, i] * normal[2]) / away
-    wide = abs(turned[0]) + abs(turned[1]) + abs(turned[2])
-    for b in range(TERMS):
-        there[b] = 1.0 + wide * (off + SHORT * size)
-    for j in range(count):
-        value = row[COLUMN + j]
-        if value != 0.0:
-            for axis in range(3):
-                for b in range(TERMS):
-                    there[b] += value * turned[axis] * rows[k, j, axis, b]
-    for q in range(6):
-        for b in range(TERMS):
-            plane[q, b] = 0.0
-    for m in range(6):
-        for b in range(TERMS):
-            ahead[b] = (
-                turned[0] * rows[k, m, 0, b] + turned[1] * rows[k, m, 1, b] + turned[2] * rows[k, m, 2, b]
-            )
-        for q in range(6):
-            for b in range(TERMS):
-                plane[q, b] += whole[m, q] * ahead[b]
-    for i in range(TERMS):
-        for b in range(TERMS):
-            ahead[b] = -there[b]
-        for q in range(6):
-            for b in range(TERMS):
-                ahead[b] += y[q, i] * plane[q, b]
-        least = ahead[0]
-        for b in range(1, TERMS):
-            least = min(least, ahead[b])
-        if not least > 0.0:
-            return False
-    return True
-
-
-@kernel()
 def fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, work):
     """Fill cell 0 with the control points of all drifts of `y` less `row`, over [u0, u1] of window k.
 
@@ -260,7 +172,7 @@ def fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, w
         total = 0.0
         for q in range(6):
             total += abs(whole[m, q])
-        size += total * reach_of(rows, k, m)
+        size += total * largest(rows[k, m])
     for axis in range(3):
         total = abs(matrix[axis, 0]) + abs(matrix[axis, 1]) + abs(matrix[axis, 2])
         stretch += total * total
@@ -312,8 +224,6 @@ def drifts_clear(table, errors, y, wrong, k, turns, begins, when, others, until,
             row = others[n]
             n += 1
             if not a < b or int(row[WINDOW]) != k:
-                continue
-            if shape == BALL and plane_clears(rows, errors, k, whole, y, wrong, row, matrix):
                 continue
             u0, u1 = share(joints, k, origin, a), share(joints, k, origin, b)
             off = fill_control_points(rows, errors, k, whole, y, wrong, row, matrix, u0, u1, work)

@@ -23,7 +23,7 @@ from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH, state_at, thrusts
 from closeform.motion.hill import coast, pushed
-from closeform.motion.path import Path, path_of
+from closeform.motion.path import Path
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.safety.remainders import lost_remainder, stuck_remainder, thrust_derivatives
 
@@ -319,32 +319,13 @@ def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = 
         if failure.acceleration is not None:
             numbers[HELD] = np.linalg.norm(failure.acceleration)
             numbers[ACCELERATION:] = failure.acceleration
-    arcs, offsets = path.arcs, path.offsets
     if kind in (DEGRADED, MISSED) or (kind == INTACT and carry_on):
-        arcs, offsets = arcs_with_coasts(path, until)
-    burns, burn_offsets = NO_BURNS, np.zeros_like(offsets)
+        path = path.extended(until)
+    burns, burn_offsets = NO_BURNS, np.zeros_like(path.offsets)
     if kind == MISSED:
         burns, burn_offsets = burns_of(path)
     now = np.array([kind, 0, 0, 0, 0, SIDE], dtype=np.int64)
-    return Side(arcs, offsets, burns, burn_offsets, now, numbers)
-
-
-def arcs_with_coasts(path: Path, until: float) -> tuple[Floats, Any]:
-    """Return arcs and offsets of paths extended by coasts after their ends."""
-    last = path.offsets[1:] - 1
-    ends = path.arcs[last, END]
-    coasts = np.zeros((len(last), WIDTH))
-    coasts[:, START], coasts[:, END] = ends, np.maximum(ends, until)
-    coasts[:, MEAN_MOTION] = path.orbit._column
-    coasts[:, STATE : STATE + 6] = end_states(path)
-    arcs = np.insert(path.arcs, path.offsets[1:], coasts, axis=0)
-    return arcs, path.offsets + np.arange(len(path.offsets))
-
-
-def extended_by_coasts(paths: Path, until: float) -> Path:
-    """Return paths extended by coasts after their ends."""
-    arcs, offsets = arcs_with_coasts(paths, until)
-    return path_of(paths.orbit, np.ascontiguousarray(arcs), offsets, paths.shape)
+    return Side(path.arcs, path.offsets, burns, burn_offsets, now, numbers)
 
 
 def burns_of(path: Path) -> tuple[Floats, Any]:

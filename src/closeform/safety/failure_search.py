@@ -14,7 +14,6 @@ from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
-from closeform.safety.descent import descend
 from closeform.safety.failure_cells import (
     FIRST,
     FROM,
@@ -37,9 +36,8 @@ from closeform.safety.separating_planes import EITHER_WAY, march, widest
 from closeform.safety.shadow import is_shadow
 from closeform.safety.single_failures import (
     MEETS,
-    around,
     cut,
-    descend_by_instants,
+    descend,
     glance,
     has_extent,
     near_by,
@@ -82,19 +80,6 @@ def fill_cells(one, two, begin, n, cells):
     return ones * twos
 
 
-@kernel()
-def descend_from(one, two, when, end, n, form, room, best):
-    """Follow the failure `room.point[1]`, met at `when`, downhill; return the minimum norm and its time."""
-    if parameter_count(one) + parameter_count(two) > 1:
-        return descend(one, two, when, end, n, form, room, best)
-    if best == inf:
-        for c in range(len(room.point[0])):
-            room.point[0, c] = room.point[1, c]
-        begin, stop = around(one, two, room.point[0], when, end, n)
-        best, when = propagate(one, two, room.point[0], begin, stop, n, form, room, inf)
-    return descend_by_instants(one, two, when, end, n, form, room, best)
-
-
 @kernel(inline=True)
 def least_downhill(one, two, top, end, n, form, room, best, when, most):
     """Return the minimum norm that descents from cells reach, if below `best`, and its time.
@@ -111,7 +96,7 @@ def least_downhill(one, two, top, end, n, form, room, best, when, most):
         level = max(best, most)
         least, time = glance(one, two, room.cells[k], end, n, form, room, level)
         if least < level:
-            least, time = descend_from(one, two, time, end, n, form, room, inf)
+            least, time = descend(one, two, time, end, n, form, room, inf)
         if least < best:
             best, when = least, time
             for c in range(len(worst)):
@@ -214,7 +199,7 @@ def search(one, two, top, end, n, form, scale, shadow, floor, certain, most, roo
             if certain == 0.0:
                 break
             if count > 1 or much:
-                best, when = descend_from(one, two, when, end, n, form, room, best)
+                best, when = descend(one, two, when, end, n, form, room, best)
             if extended and much:  # it may be clear at the new target
                 cell[FROM] = t
                 top += 1

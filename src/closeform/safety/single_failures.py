@@ -1,18 +1,21 @@
 """Motion after single failures, and division of cells that are not proven clear."""
 
-from math import ceil, inf, nan
+from math import ceil, cos, inf, nan
 
 from closeform._jit import kernel
-from closeform.motion.arc import END, START
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, MEAN_MOTION, START, thrusts
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
 from closeform.motion.extrema import minimum_norm, step_on
 from closeform.motion.hill import oscillation
 from closeform.safety.failure_cells import (
     FROM,
+    HELD,
     HIGH,
     INTACT,
     KIND,
     LOW,
+    MEASURE,
     MISSED,
     OFFSET,
     PIECE,
@@ -30,6 +33,10 @@ from closeform.zones.shapes import FACES, norm
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
 LEAST_SHARE = 0.2  # of a cell, minimum part on either side of a cut
 FIRST_STEP, LAST_STEP = 0.1, 1e-3  # of the descent: in n t, and relative to the first
+# Rounds of a descent, and its next step and last one, as shares of the first, after a round with less gain
+ROUNDS, SHORTER, SHORTEST, GAIN = 100, 0.03, 1e-11, 1e-3
+TURN = 2.399963  # of the last way, the golden angle: no two ways agree
+FIRST_SHARE = 0.1  # of the range of an unknown: first step of a descent
 NEAR = 0.5  # in n t: range around the end of planes in which a motion is followed
 GLANCE, GLANCES = 0.5, 16  # in n t, and per window in deep space: spacing and number of samples
 SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are equal
@@ -180,37 +187,94 @@ def near_by(one, two, cell, t, near, end, n, count, room):
     return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
 
 
-@kernel(inline=True)
-def descend_by_instants(one, two, when, end, n, form, room, best):
-    """Follow the worst failure found downhill, from instant to instant; return the minimum norm and its time.
+@kernel()
+def range_of(side, cell, j, n):
+    """Return the minimum and maximum of a side's j-th unknown in the piece of a cell."""
+    o = side.now[OFFSET]
+    piece, kind = int(cell[o + PIECE]), side.now[KIND]
+    if j == 1:
+        return (0.0, side.numbers[MEASURE]) if kind == STUCK else (side.numbers[MEASURE], 1.0)
+    if piece % 2 == 1:
+        return 0.0, 1.0
+    arc, held = side.arcs[piece // 2], kind == STUCK and side.numbers[HELD] >= 0.0
+    if held or thrusts(arc) or arc[MEAN_MOTION] != n:
+        return arc[START], arc[END]
+    return cell[o + LOW], cell[o + LOW]
 
-    The search stays in its arc, with steps that grow downhill and turn back smaller uphill.
+
+@kernel()
+def first_steps(one, two, cell, n, low, high, ways):
+    """Fill the limits of all unknowns of a cell's pieces and a first step along each; return their number."""
+    count = parameter_count(one)
+    for k in range(count + parameter_count(two)):
+        side, j = (one, k) if k < count else (two, k - count)
+        low[k], high[k] = range_of(side, cell, j, n)
+        ways[k, k] = FIRST_SHARE * (high[k] - low[k])
+        if j == 0 and is_instant(side, cell) and n > 0.0:
+            ways[k, k] = min(FIRST_STEP / n, ways[k, k])
+    return count + parameter_count(two)
+
+
+@kernel()
+def descend(one, two, when, end, n, form, room, best):
+    """Follow the worst failure `room.point[1]` downhill; return the minimum norm and its time.
+
+    Pieces of paths stay the same, and so do shares of missed burns.  The search goes along each unknown,
+    along the sum of their moves, and another way, by steps that grow downhill and turn back smaller uphill
+    (R. Hooke and T. A. Jeeves, "Direct search" solution of numerical and statistical problems, 1961).
+    Rounds with shorter and shorter steps follow where there are several unknowns.
     """
     cell, worst = room.point[0], room.point[1]
-    for second in range(2):
-        side = two if second else one
-        o = side.now[OFFSET]
-        if not is_instant(side, worst):
-            continue
-        arc = side.arcs[int(worst[o + PIECE]) // 2]
-        whole = arc[END] - arc[START]
-        step = min(FIRST_STEP / n, 0.1 * whole) if n > 0.0 else 0.02 * whole
-        least_step = LAST_STEP * step
-        while abs(step) > least_step:
-            for c in range(len(cell)):
-                cell[c] = worst[c]
-            at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
-            cell[o + LOW], cell[o + HIGH] = at, at
-            begin, until = around(one, two, cell, when, end, n)
-            least, time = best, when
-            if at != worst[o + LOW] and begin <= end:
-                least, time = propagate(one, two, cell, begin, until, n, form, room, best)
-            if least < best:
-                best, when = least, time
-                note(room, cell)
-                step *= 2.0
-            else:
-                step *= -0.3
+    low, high, start, ways = stack_vector(4), stack_vector(4), stack_vector(4), stack_matrix(6, 4)
+    for k in range(6):
+        for m in range(4):
+            ways[k, m] = 0.0
+    if best == inf:
+        for c in range(len(cell)):
+            cell[c] = worst[c]
+        begin, until = around(one, two, cell, when, end, n)
+        best, when = propagate(one, two, cell, begin, until, n, form, room, inf)
+    if one.now[KIND] == MISSED or two.now[KIND] == MISSED:
+        return best, when
+    count = first_steps(one, two, worst, n, low, high, ways)
+    reach, spent = 1.0, 0
+    while reach > SHORTEST and spent < ROUNDS and (best > 0.0 or form[0] == FACES):
+        before = best
+        spent += 1
+        for k in range(count):
+            start[k] = worst[column_of(one, two, k)]
+            ways[count + 1, k] = ways[k, k] * cos(TURN * (k + 1.0) * spent) if count > 1 else 0.0
+        for way in range(count + 2):
+            size = 0.0
+            for k in range(count):
+                size += abs(ways[way, k])
+            step = 1.0 if way == count else reach
+            least_step = LAST_STEP * step
+            while size > 0.0 and abs(step) > least_step:
+                for c in range(len(cell)):
+                    cell[c] = worst[c]
+                moved = False
+                for k in range(count):
+                    column = column_of(one, two, k)
+                    at = min(max(worst[column] + step * ways[way, k], low[k]), high[k])
+                    moved = moved or at != worst[column]
+                    cell[column] = cell[column + 1] = at
+                begin, until = around(one, two, cell, when, end, n)
+                least, time = best, when
+                if moved and begin <= end:
+                    least, time = propagate(one, two, cell, begin, until, n, form, room, best)
+                if least < best:
+                    best, when = least, time
+                    note(room, cell)
+                    step *= 2.0
+                else:
+                    step *= -0.3
+        for k in range(count):
+            ways[count, k] = worst[column_of(one, two, k)] - start[k]
+        if count <= 1:
+            break
+        if before - best <= GAIN * abs(best):
+            reach *= SHORTER
     return best, when
 
 

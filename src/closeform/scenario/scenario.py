@@ -13,7 +13,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
-from closeform.motion.elements.circular import low
+from closeform.motion.elements.mean_motion import low
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.inputs import Inputs

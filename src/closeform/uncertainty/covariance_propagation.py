@@ -140,6 +140,12 @@ def add_noise(n, t, density, a, width):
             a[i, width + j] = noise[i, j] if j <= i and noise[j, j] < inf else 0.0
 
 
+@kernel(void(float64, float64, ROWS))
+def fill_noise_root(n, t, root):
+    """Fill `root` (6, 6) with that of the covariance that process noise of density 1 adds over a time t."""
+    add_noise(n, t, 1.0, root, 0)
+
+
 @kernel()
 def add_gates(arc, execution, a, width):
     """Add three columns for an impulse at the start of an arc, if there is one; return the new width."""

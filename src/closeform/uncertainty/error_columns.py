@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
-from closeform.motion.joining import stack
+from closeform.motion.joining import linked, stack
 from closeform.motion.path import Path, of_one_craft, path_of, runs_of
 from closeform.uncertainty.covariance_propagation import BURN_ERRORS, ROW, burn_error_arc
 
@@ -136,9 +136,9 @@ def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     for first, last in burns:
         arcs = path.arcs[first:last]
         for forced in _forced(path.orbit._column, arcs, errors):
-            _set_states(path, forced)
+            over = linked(path.orbit, forced, np.zeros(6)).state(arcs[-1, END])
             before = _coasts(path, arcs[0, START], np.zeros(6))[:-1]
-            after = _coasts(path, arcs[-1, END], _ends(path, forced[-1:])[0])[-1:]
+            after = _coasts(path, arcs[-1, END], over)[-1:]
             yield np.concatenate([before, forced, after if arcs[-1, END] < path.end else after[:0]])
 
 
@@ -152,20 +152,7 @@ def _forced(n: float, arcs: Floats, errors: Uncertainty) -> Iterator[Floats]:
             yield forced
 
 
-def _ends(path: Path, arcs: Floats) -> Any:
-    """Return the states (k, 6) at the ends of arcs."""
-    return _states(path, arcs, arcs[:, END])
-
-
 def _states(path: Path, arcs: Floats, times: Floats) -> Any:
     """Return the states (k, 6) at a time (k,) on each of the given arcs."""
     alone = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     return alone._evaluate_rows(np.ascontiguousarray(times[:, None]))[:, 0]
-
-
-def _set_states(path: Path, arcs: Floats) -> None:
-    """Set the initial states of the arcs of a burn: from rest, each where the previous one ended."""
-    pushed = _ends(path, arcs)
-    carried = path.orbit._flow(arcs)
-    for k in range(1, len(arcs)):
-        arcs[k, STATE : STATE + 6] = carried[k - 1] @ arcs[k - 1, STATE : STATE + 6] + pushed[k - 1]

@@ -150,7 +150,7 @@ def collision_probability(
     For one or two independent errors, and for errors that move craft by less than 1e-9 of the zone, "entries"
     and "bound" give the exact integral without samples. For more errors they raise ValueError if the rate of
     entries cannot be computed.
-    Entries are counted by the certified march: none is missed between time steps. "bound" covers process
+    Entries are counted by the signs of polynomials: none is missed between time steps. "bound" covers process
     noise, and "monte-carlo" samples it in short exact steps. The discretization error is bounded, usually by
     a thousandth of the zone: `low` is for a zone reduced by that, `high` for one enlarged by it.
 

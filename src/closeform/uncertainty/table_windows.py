@@ -1,9 +1,9 @@
-"""Relative motion of two craft about a chief, with its error columns, as polynomials in common windows.
+"""Relative motion of two craft, with its error columns, as polynomials in common windows.
 
-In each window of the chief's table the position of a path is a polynomial of the window's variable.  Windows
+In each window of a chief's table the position of a path is a polynomial of the window's variable.  Windows
 are cut here wherever a window of the table, an arc of a path or one of a column begins, so that in each of
 them the mean and every column are Bernstein polynomials of one u from 0 to 1, and a trajectory is the mean
-plus the columns times its errors.
+plus the columns times its errors.  In Hill's equations polynomials through twelve states have the same form.
 """
 
 from __future__ import annotations
@@ -14,14 +14,17 @@ from numba import float64, int64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix
-from closeform.motion.chief.bernstein import TERMS, value_at
+from closeform.motion.chief.bernstein import DEGREE, TERMS, bernstein_of, chebyshev_of, nodes, value_at
 from closeform.motion.chief.positions import keep, polynomial, slack
 from closeform.motion.chief.segments import COLUMN, FIRST, LAST, ON_JOINT, ORIGIN, TABLE, WINDOW, share
 from closeform.motion.chief.table import COLUMNS
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
 SAME = 1e-12  # [rad]: edges closer than this are one
+ANGLE = 1.0  # longest window of Hill's motion, in n t: the polynomials are off by 3e-16 of the oscillation
+FIT = bernstein_of() @ chebyshev_of(DEGREE)  # from values at Chebyshev's nodes to coefficients
 
 
 @kernel(
@@ -88,3 +91,26 @@ def table_windows(path: Path, other: Path, columns: Path, zone: Zone) -> tuple[F
         fill_polynomials(*given, found[-1], wrong[-1])
     windows = np.concatenate([found[0] - found[1], found[2]], axis=1)
     return angles, windows, np.concatenate([wrong[0] + wrong[1], wrong[2]], axis=1)
+
+
+def hill_windows(path: Path, other: Path, columns: Path, zone: Zone, edges: Floats) -> Floats:
+    """Return coefficients (W, 1 + M, 12, 3) as `table_windows` does, between times (W + 1,) [s].
+
+    No arc may begin within a window, and none may be longer than `ANGLE`.
+    """
+    times = (edges[:-1, None] + np.diff(edges)[:, None] * nodes(DEGREE)).reshape(1, -1)
+    mean = path._evaluate_rows(times) - other._evaluate_rows(times)
+    places = np.concatenate([mean, columns._evaluate_rows(times)])[..., :3] @ zone.matrix.T
+    return np.ascontiguousarray(_fitted(places.reshape(len(places), -1, TERMS, 3)).swapaxes(0, 1))
+
+
+def natural_windows(orbit: Orbit, zone: Zone, lengths: Floats) -> Floats:
+    """Return coefficients (W, 6, 12, 3) of natural motions after each unit state, over lengths (W,) [s]."""
+    flows = zone.matrix @ orbit.transition(lengths[:, None] * nodes(DEGREE))[..., :3, :]
+    return _fitted(flows.transpose(0, 3, 1, 2))
+
+
+def _fitted(values: Floats) -> Floats:
+    """Return coefficients (..., 12, 3) from values at Chebyshev's nodes; those of a constant are exact."""
+    first = values[..., :1, :]
+    return np.asarray(first + FIT @ (values - first))

@@ -16,11 +16,12 @@ from math import ceil, log2
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.path import Path, path_of
+from closeform.motion.steering import transition_matrices
+from closeform.uncertainty.covariance_propagation import fill_noise_root
 
 # theory (65)
 # In units of sqrt(q h^3): deviation in a step h that is exceeded with a probability below 1e-13.
@@ -79,9 +80,9 @@ def step_noise(n: float, step: float) -> tuple[Floats, Floats]:
 
     theory (9)
     """
-    sizes = np.repeat([step**1.5, step**0.5], 3)
-    flow, gained = _scaled(n, step)
-    return flow * np.outer(sizes, 1.0 / sizes), sizes[:, None] * np.linalg.cholesky(gained)
+    root = np.empty((6, 6))
+    fill_noise_root(n, step, root)
+    return transition_matrices(n, np.array(step)), root
 
 
 def velocity_changes(n: float, step: float, pushes: Floats) -> Floats:
@@ -114,38 +115,15 @@ def _steps_before_halving(count: int, times: int) -> int:
 @lru_cache
 def _midpoint(n: float, step: float) -> tuple[Floats, Floats, Floats]:
     """Return for two steps: transition of one, gain of the first from the sum, and a residual root."""
-    sizes = np.repeat([step**1.5, step**0.5], 3)
-    flow, gained = _scaled(n, step)
+    sizes = np.repeat([step**1.5, step**0.5], 3)[:, None]
+    moves, scaled = step_noise(n, step)
+    flow, scaled = moves * sizes.T / sizes, scaled / sizes
+    gained = scaled @ scaled.T
     moved = flow @ gained
     gain = np.linalg.solve(moved @ flow.T + gained, moved).T
     rest = gained - gain @ moved
-    back = np.outer(sizes, 1.0 / sizes)
     root = np.linalg.cholesky(0.5 * (rest + rest.T))
-    return flow * back, np.asarray(gain * back), np.asarray(sizes[:, None] * root)
-
-
-def system_matrix(n: float) -> Floats:
-    """Return the matrix (6, 6) of Hill's equations that maps a state to its rate.
-
-    theory (1)
-    """
-    matrix = np.zeros((6, 6))
-    matrix[:3, 3:] = np.eye(3)
-    matrix[3:, :3] = np.diag([3.0, 0.0, -1.0]) * n**2
-    matrix[3, 4], matrix[4, 3] = 2.0 * n, -2.0 * n
-    return matrix
-
-
-def _scaled(n: float, step: float) -> tuple[Floats, Floats]:
-    """Return the transition of a step and the noise covariance, in units of the step (Van Loan 1978)."""
-    motion = np.zeros((12, 12))
-    motion[:6, :6] = system_matrix(n * step)
-    motion[6:, 6:] = -motion[:6, :6].T
-    motion[3:6, 9:] = np.eye(3)
-    both = expm(motion)
-    flow = both[:6, :6]
-    gained = both[:6, 6:] @ flow.T
-    return flow, 0.5 * (gained + gained.T)
+    return moves, np.asarray(gain * sizes / sizes.T), np.asarray(sizes * root)
 
 
 def with_velocity_changes(path: Path, times: Floats, kicks: Floats) -> Path:

@@ -13,8 +13,18 @@ from closeform.conflicts.quick_rejection import OFF_CHORD
 from closeform.conflicts.tracks import LARGEST, NO_TRACKS, PAYS, Tracks
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.chief.bernstein import TERMS
-from closeform.motion.chief.positions import columns_in, keep, polynomial, slack
-from closeform.motion.chief.segments import COLUMN, FIRST, LAST, ON_JOINT, ORIGIN, TABLE, WINDOW, share
+from closeform.motion.chief.positions import keep, polynomial, slack
+from closeform.motion.chief.segments import (
+    COLUMN,
+    FIRST,
+    LAST,
+    ON_JOINT,
+    ORIGIN,
+    TABLE,
+    WINDOW,
+    columns_in,
+    share,
+)
 from closeform.motion.chief.table import COLUMNS, Table
 from closeform.zones.zone import Zone, enclosing
 

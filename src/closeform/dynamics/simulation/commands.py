@@ -19,9 +19,10 @@ from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import impulses_of
 from closeform.dynamics.simulation.integrator import BIT, FACET, STRENGTH, THRUSTER
 from closeform.fuel.allocation import Allocation
-from closeform.fuel.pulses import Pulses, linked
+from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.arc import END, IMPULSE, START, THRUST
+from closeform.motion.joining import linked
 from closeform.motion.path import Path, ends_of, path_of, runs_of
 from closeform.uncertainty.error_columns import burn_ranges
 

@@ -32,10 +32,10 @@ from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
 from closeform.fuel.firing import ThrusterFiring, fire_thrusters, largest_distance
-from closeform.fuel.pulses import Pulses, linked, one_table
+from closeform.fuel.pulses import Pulses, one_table
 from closeform.fuel.thrusters import Thrusters, turn
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
-from closeform.motion.joining import stack
+from closeform.motion.joining import linked, stack
 from closeform.motion.path import Path, ends_of
 from closeform.named_craft import named
 

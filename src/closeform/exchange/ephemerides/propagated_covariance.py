@@ -7,9 +7,10 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.exchange.ephemerides.covariance import inertial
 from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
-from closeform.motion.elements.circular import CircularOrbit
 from closeform.motion.elements.elements import elements_from_inertial, inertial_later
 from closeform.motion.elements.frames import relative_jacobian
+from closeform.motion.elements.mean_motion import mean_motion_from_semi_major_axis
+from closeform.motion.steering import transition_matrices
 
 
 def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:
@@ -27,8 +28,8 @@ def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats,
     fixed = inertial(held.matrices[index], held.frames[index], then)
     if abs(age) <= SAME_EPOCH:
         return fixed, 0.0
-    orbit = CircularOrbit.from_semi_major_axis(float(elements_from_inertial(now, mu)[0]), mu)
-    moved = orbit.transition(age) @ relative_jacobian(then, then)
+    rate = mean_motion_from_semi_major_axis(elements_from_inertial(now, mu)[0], mu)
+    moved = transition_matrices(rate, np.array(age)) @ relative_jacobian(then, then)
     whole = np.linalg.solve(relative_jacobian(now, now), moved)
     return whole @ fixed @ whole.T, age
 

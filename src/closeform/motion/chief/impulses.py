@@ -17,7 +17,16 @@ from numba import float64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.motion.chief.bernstein import DEGREE, SQUARE, TERMS, changes, cut, value_at, weights
+from closeform.motion.chief.bernstein import (
+    DEGREE,
+    SQUARE,
+    TERMS,
+    changes,
+    cut,
+    keep_piece,
+    value_at,
+    weights,
+)
 from closeform.motion.chief.segments import FIRST as FIRST_ANGLE
 from closeform.motion.chief.segments import LAST as LAST_ANGLE
 from closeform.motion.chief.segments import ORIGIN, TABLE, WINDOW, share, squared
@@ -109,12 +118,7 @@ def primer_rows(table, segments, rows, whole):
                     for m in range(6):
                         total += of_table[k, m, axis, b] * whole[m, i]
                     rows[w, axis, i, b] = total
-                if high < 1.0:
-                    cut(rows[w, axis, i], TERMS, high, spare)
-                    for b in range(TERMS):
-                        rows[w, axis, i, b] = spare[b]
-                if low > 0.0:
-                    cut(rows[w, axis, i], TERMS, low / high if high > 0.0 else 0.0, spare)
+                keep_piece(rows[w, axis, i], low, high, spare)
         weights(high, basis)
         for i in range(6):
             for j in range(6):

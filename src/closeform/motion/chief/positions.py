@@ -2,19 +2,8 @@
 
 from closeform._jit import kernel
 from closeform.motion.chief.bernstein import TERMS, keep_piece
-from closeform.motion.chief.segments import COLUMN
-from closeform.motion.chief.table import COLUMNS, COSTATE
 
 ROUNDING = 4e-15  # of a coordinate, relative to the largest coefficient
-
-
-@kernel()
-def columns_in(row):
-    """Return the number of columns of a segment that are not all zero."""
-    for j in range(COSTATE, COLUMNS):
-        if row[COLUMN + j] != 0.0:
-            return COLUMNS
-    return COSTATE
 
 
 @kernel()

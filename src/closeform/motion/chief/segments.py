@@ -16,6 +16,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.arc import PUSH as ARC_PUSH
 from closeform.motion.arc import STATE as ARC_STATE
 from closeform.motion.arc import THRUST as ARC_THRUST
+from closeform.motion.certified_march import locate
 from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, cut, keep_piece, value_at, weights
 from closeform.motion.chief.clock import RATE, angle_at, pace, time_at
 from closeform.motion.chief.table import COLUMNS, COSTATE, PUSH
@@ -54,6 +55,15 @@ def window_at(joints, turn, s):
 def share(joints, k, origin, s):
     """Return u, the place of an angle in its window, in [0, 1]."""
     return min(max((s - origin) / (joints[k + 1] - joints[k]), 0.0), 1.0)
+
+
+@kernel()
+def columns_in(row):
+    """Return the number of columns of a segment that are not all zero."""
+    for j in range(COSTATE, COLUMNS):
+        if row[COLUMN + j] != 0.0:
+            return COLUMNS
+    return COSTATE
 
 
 @kernel()
@@ -208,18 +218,6 @@ def unroll(table, arcs, offsets, segments, firsts):
     return count
 
 
-@kernel()
-def segment_at(segments, first, last, t):
-    """Return the index in [first, last) of the segment that holds just after time t."""
-    while last - first > 1:
-        middle = (first + last) // 2
-        if segments[middle, BEGIN] <= t:
-            first = middle
-        else:
-            last = middle
-    return first
-
-
 @kernel(void(TABLE, float64[:, ::1], int64[::1], float64[:, ::1], float64[:, :, ::1]))
 def evaluate(table, segments, firsts, times, out):
     """Fill `out` with states, or with thrusts if it has three columns.
@@ -232,7 +230,7 @@ def evaluate(table, segments, firsts, times, out):
     for p in range(len(firsts) - 1):
         for m in range(times.shape[1]):
             t = times[p if len(times) > 1 else 0, m]
-            row = segments[segment_at(segments, firsts[p], firsts[p + 1], t)]
+            row = segments[locate(segments, firsts[p], firsts[p + 1], t)]
             t = min(max(t, row[BEGIN]), segments[firsts[p + 1] - 1, FINISH])
             k = int(row[WINDOW])
             u = share(joints, k, row[ORIGIN], angle_at(clock, t))
@@ -327,15 +325,6 @@ def thrust_polynomial(rows, row, c):
             c[axis, b] = total
 
 
-@kernel()
-def thrusts_at_all(row):
-    """Return True if a segment thrusts."""
-    for j in range(COSTATE, COLUMNS):
-        if row[COLUMN + j] != 0.0:
-            return True
-    return False
-
-
 DEEPEST = 40  # pieces in work of a polynomial that is almost constant near its maximum
 
 
@@ -399,7 +388,7 @@ def totals(table, segments, firsts, what, out):
         total = 0.0
         for q in range(firsts[p], firsts[p + 1]):
             row = segments[q]
-            if not row[LAST] > row[FIRST] or not thrusts_at_all(row):
+            if not row[LAST] > row[FIRST] or columns_in(row) == COSTATE:
                 continue
             k = int(row[WINDOW])
             thrust_polynomial(rows, row, c)

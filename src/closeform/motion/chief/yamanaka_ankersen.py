@@ -78,15 +78,13 @@ def _terms(e: float) -> list[tuple[int, int, float, int, int, int, int]]:
     ]
 
 
-def motions(e: float, sine: Floats, cosine: Floats, rho: Floats, inverse: Floats, passed: Floats) -> Floats:
-    """Return six motions as columns (..., 6, 6): positions, and velocities by the mean anomaly."""
-    return _sum(e, sine, cosine, rho, inverse, passed, 1.0)
-
-
 def _sum(
     e: float, sine: Floats, cosine: Floats, rho: Floats, inverse: Floats, passed: Floats, sign: float
 ) -> Floats:
-    """Return the sums of the terms; with `sign` 0 of their absolute coefficients."""
+    """Return the six motions as columns (..., 6, 6); with `sign` 0 the sums of their terms' magnitudes.
+
+    They are positions, and velocities by the mean anomaly.
+    """
     out = np.zeros((*rho.shape, 6, 6))
     scale = (1.0 - e * e) ** -1.5
     powers = {-1: inverse, 0: np.ones_like(rho), 1: rho, 2: rho * rho}
@@ -105,7 +103,8 @@ def _real(e: float, s: Floats, begin: Floats) -> Floats:
     # the difference of two sines as a product: no digit is lost in a short window
     passed = (s - start) - 2.0 * e * np.cos(0.5 * (s + start)) * np.sin(0.5 * (s - start))
     cosine, sine = (np.cos(s) - e) / d, root * np.sin(s) / d
-    return motions(e, sine, cosine, (1.0 - e * e) / d, d / (1.0 - e * e), passed * (1.0 - e * e) ** -1.5)
+    scaled = passed * (1.0 - e * e) ** -1.5
+    return _sum(e, sine, cosine, (1.0 - e * e) / d, d / (1.0 - e * e), scaled, 1.0)
 
 
 def _form(e: float, columns: Floats, s: Floats) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import SMALLEST, finite
+from closeform.arrays import SMALLEST, finite, number
 
 EARTH_MU = 3.986004418e14
 """Earth's gravitational parameter [m^3/s^2], WGS 84 (also IERS Conventions 2010, table 1.1)."""
@@ -20,6 +20,18 @@ EARTH_RADIUS = 6378137.0
 
 EARTH_J2 = 1.082635854e-3
 """Earth's oblateness as the zonal coefficient J2, no unit, JGM-3 (Tapley et al. 1996)."""
+
+
+LOWEST = 100e3  # m above the Earth: no orbit lasts below, so a lower altitude is probably in km
+
+
+def low(altitude: float) -> str | None:
+    """Return why an altitude [m] above the Earth is implausible, or None."""
+    if not 0.0 <= number("altitude", altitude) < LOWEST:
+        return None
+    return (
+        f"{altitude:g} m is below 100 km, where no orbit lasts; {altitude:g} km would be {1e3 * altitude:g} m"
+    )
 
 
 def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:

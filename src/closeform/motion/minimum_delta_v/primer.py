@@ -18,7 +18,7 @@ from math import sqrt
 
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, THRUST, acceleration
+from closeform.motion.arc import END, START, acceleration
 from closeform.motion.hill import coast, oscillation
 
 WIDEST = 0.5  # half of a piece in n t: more, and most are cut; less, and there are more
@@ -73,21 +73,6 @@ def gained(n, arc, final, g):
         n, arc[START] - arc[END], final[0], final[1], final[2], final[3], final[4], final[5]
     )
     functional(n, x - arc[6], y - arc[7], z - arc[8], vx - arc[9], vy - arc[10], vz - arc[11], g)
-
-
-@kernel()
-def store_primer(c, arc):
-    """Store the start `c` (6,) as the thrust of an arc and its rate."""
-    for k in range(6):
-        arc[THRUST + k] = c[k]
-
-
-@kernel()
-def load_primer(arc, c):
-    """Fill `c` (6,) with an arc's thrust and its rate; return the arc's mean motion and duration."""
-    for k in range(6):
-        c[k] = arc[THRUST + k]
-    return arc[MEAN_MOTION], arc[END] - arc[START]
 
 
 @kernel()

@@ -167,7 +167,5 @@ def drifting(flight: WatchedFlight, pair: "PairDrift", until: float) -> tuple[Pa
     """Return the path of a pair that fails, the one that continues `until` a time [s], and their zone."""
     fails, meets = flight.path(pair.fails), flight.path(pair.meets)
     if until != inf:
-        from closeform.safety.failure_cells import extended_by_coasts  # only a drift needs these kernels
-
-        meets = extended_by_coasts(meets, until)
+        meets = meets.extended(until)
     return fails, meets, pair.zone

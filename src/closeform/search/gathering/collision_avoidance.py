@@ -8,8 +8,9 @@ of its edges.
 from math import asin, cos, inf, pi, sin, sqrt
 
 from closeform._jit import kernel
+from closeform.motion.linear import axes_across, times
 from closeform.search.gathering.craft_state import ESTIMATE, VELOCITY
-from closeform.search.gathering.keep_out_monitor import index_of_zone, times, within, zone_at
+from closeform.search.gathering.keep_out_monitor import index_of_zone, within, zone_at
 
 SPOKES = 48  # generators of the cone tried before the best is refined
 REFINED = 40  # halvings of the angle between generators
@@ -88,13 +89,10 @@ def past_ball(zone, r, v, out, scratch):
     if size <= ENLARGED:
         return False
     bx, by, bz = bx / size, by / size, bz / size
-    # two axes that complete the one towards the centre, without loss of digits
-    sign = 1.0 if bz >= 0.0 else -1.0
-    u = -1.0 / (sign + bz)
-    w = bx * by * u
+    one, other = axes_across(bx, by, bz)
     frame[0, 0], frame[0, 1], frame[0, 2] = bx, by, bz
-    frame[1, 0], frame[1, 1], frame[1, 2] = 1.0 + sign * bx * bx * u, sign * w, -sign * bx
-    frame[2, 0], frame[2, 1], frame[2, 2] = w, sign + by * by * u, -by
+    frame[1, 0], frame[1, 1], frame[1, 2] = one
+    frame[2, 0], frame[2, 1], frame[2, 2] = other
     tangent = asin(ENLARGED / size)
     best, at, stride = inf, 0.0, 2.0 * pi / SPOKES
     for s in range(SPOKES):

@@ -8,6 +8,7 @@ between them, which is short: the craft measure and burn at the lock.
 from math import sqrt
 
 from closeform._jit import kernel
+from closeform.motion.linear import axes_across
 from closeform.search.gathering.craft_state import ESTIMATE, advance
 
 
@@ -31,9 +32,7 @@ def measure(craft, low, high, t, number):
     x, y, z = x / distance, y / distance, z / distance
     across = distance * in_bearing
     # a direction across a line of sight is random in both of its components, so any frame will do
-    sign = 1.0 if z >= 0.0 else -1.0
-    u = -1.0 / (sign + z)
-    p, q = (1.0 + sign * x * x * u, sign * x * y * u, -sign * x), (x * y * u, sign + y * y * u, -y)
+    p, q = axes_across(x, y, z)
     line = x, y, z
     for k in range(3):
         first = in_range * fixes[0, 0] * line[k] + across * (fixes[0, 1] * p[k] + fixes[0, 2] * q[k])

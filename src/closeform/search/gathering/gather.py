@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
+from closeform.motion.arc import END, IMPULSE, START, WIDTH
+from closeform.motion.joining import linked, stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.search.gathering.burn_errors import BurnErrors
@@ -401,21 +402,12 @@ def _event(search: Search, row: Floats) -> Event:
 
 def _paths(positions: Floats, velocities: Floats, burned: Floats, duration: float) -> Path:
     """Return paths of straight lines with burns as impulses; simultaneous burns are combined."""
-    rows: list[Floats] = []
-    offsets = [0]
-    for k, (place, velocity) in enumerate(zip(positions, velocities, strict=True)):
-        arc = np.zeros(WIDTH)
-        arc[STATE : STATE + 3], arc[STATE + 3 : STATE + 6] = place, velocity
-        for burn in burned[burned[:, 2] == k]:
-            if burn[0] > arc[START]:
-                arc[END] = burn[0]
-                rows.append(arc)
-                arc = arc.copy()
-                arc[STATE : STATE + 3] += arc[STATE + 3 : STATE + 6] * (burn[0] - arc[START])
-                arc[START], arc[IMPULSE : IMPULSE + 3] = burn[0], 0.0
-            arc[IMPULSE : IMPULSE + 3] += burn[7:]
-            arc[STATE + 3 : STATE + 6] += burn[7:]
-        arc[END] = duration
-        rows.append(arc)
-        offsets.append(len(rows))
-    return Path(Orbit(0.0), np.array(rows), np.array(offsets), (len(positions),))
+    orbit, found = Orbit(0.0), []
+    for k, state in enumerate(np.hstack([positions, velocities])):
+        own = burned[burned[:, 2] == k]
+        times = np.unique(np.concatenate([[0.0], own[:, 0]]))
+        arcs = np.zeros((len(times), WIDTH))
+        arcs[:, START], arcs[:, END] = times, np.append(times[1:], duration)
+        np.add.at(arcs[:, IMPULSE : IMPULSE + 3], np.searchsorted(times, own[:, 0]), own[:, 7:])
+        found.append(linked(orbit, arcs, state))
+    return stack(found)

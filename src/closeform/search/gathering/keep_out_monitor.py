@@ -11,6 +11,7 @@ from numba import bool_, float64, int64, types
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import Lent
+from closeform.motion.linear import times
 from closeform.search.gathering.craft_state import SINCE, VELOCITY
 from closeform.search.gathering.join_rule import know_each_other
 
@@ -64,16 +65,6 @@ def index_of_zone(zones, i, j):
 def zone_at(zones, k):
     """Return the zone of index k."""
     return KeepOutZone(zones.boxes[k], zones.matrices[k, 0], zones.matrices[k, 1])
-
-
-@kernel()
-def times(matrix, x, y, z):
-    """Return the product of a matrix and a vector."""
-    return (
-        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
-        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
-    )
 
 
 @kernel()

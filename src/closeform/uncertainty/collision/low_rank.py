@@ -19,18 +19,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from math import erf, erfc, exp, expm1, pi, sqrt
+from math import erf, erfc, exp, expm1, sqrt
 
 import numpy as np
-from numba import boolean, float64, int64, void
+from numba import boolean, float64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.chief.bernstein import TERMS
 from closeform.uncertainty.collision.expected_entries import integral
-from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories, motion_at
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories
 from closeform.uncertainty.collision.short_encounter import probability_inside
+from closeform.uncertainty.table_windows import polynomial_state
 
 BIG = 40.0  # standard deviations: the probability beyond is negligible
 NOTHING = 1e-9  # of the zone: a smaller effect of an error is negligible
@@ -65,10 +66,10 @@ def weight(low, high, plane):
 
 
 @kernel()
-def place_line(mean, line, order, n, t, at):
+def place_line(mean, line, t, at):
     """Fill `at` (4, 3) with a line at a time of a window: midpoint, direction, and the rates of both."""
-    at[0, 0], at[0, 1], at[0, 2], at[2, 0], at[2, 1], at[2, 2] = motion_at(mean, order, n, t)
-    at[1, 0], at[1, 1], at[1, 2], at[3, 0], at[3, 1], at[3, 2] = motion_at(line, order, n, t)
+    at[0, 0], at[0, 1], at[0, 2], at[2, 0], at[2, 1], at[2, 2] = polynomial_state(mean, t)
+    at[1, 0], at[1, 1], at[1, 2], at[3, 0], at[3, 1], at[3, 2] = polynomial_state(line, t)
 
 
 @kernel()
@@ -149,7 +150,7 @@ def move_end(run, side, x, plane):
 
 
 @kernel()
-def move_ends(mean, line, order, n, t, stop, outward, outward_then, at, run, plane):
+def move_ends(mean, line, t, stop, outward, outward_then, at, run, plane):
     """Move both ends from t to `stop`, where `at` is the line; each may reverse once.
 
     `outward`, `outward_then` (LOW and HIGH): below 0 if an end moves outward, at t and at `stop`.
@@ -161,7 +162,7 @@ def move_ends(mean, line, order, n, t, stop, outward, outward_then, at, run, pla
             turned = run[side]
             for _ in range(HALVINGS):
                 middle = 0.5 * (first + last)
-                place_line(mean, line, order, n, middle, at)
+                place_line(mean, line, middle, at)
                 one, other = inside_range(at)
                 if one > other:
                     break
@@ -175,36 +176,36 @@ def move_ends(mean, line, order, n, t, stop, outward, outward_then, at, run, pla
 
 
 @kernel()
-def contact_time(mean, line, order, n, t, stop, met, at):
+def contact_time(mean, line, t, stop, met, at):
     """Return the time between two at which a line begins or ceases to meet the ball; `at` is it then."""
     for _ in range(HALVINGS):
         middle = 0.5 * (t + stop)
-        place_line(mean, line, order, n, middle, at)
+        place_line(mean, line, middle, at)
         if (nearest(at)[1] >= 0.0) == met:
             t = middle
         else:
             stop = middle
     inner = t if met else stop
-    place_line(mean, line, order, n, inner, at)
+    place_line(mean, line, inner, at)
     return inner
 
 
 @kernel()
-def deepest(mean, line, order, n, t, stop, at):
+def deepest(mean, line, t, stop, at):
     """Return the time between two at which a line is nearest to the centre, with the line in `at`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (t + stop)
-        place_line(mean, line, order, n, middle, at)
+        place_line(mean, line, middle, at)
         if inward(at, nearest(at)[0]) < 0.0:
             t = middle
         else:
             stop = middle
-    place_line(mean, line, order, n, t, at)
+    place_line(mean, line, t, at)
     return t
 
 
 @kernel()
-def advance(mean, line, order, n, t, stop, before, after, at, outward, spans, run, plane):
+def advance(mean, line, t, stop, before, after, at, outward, spans, run, plane):
     """Advance from one sample to the next, where the line is `before` and `after`."""
     low, high = inside_range(after)
     met, meets = run[MET] > 0.0, low <= high
@@ -223,22 +224,22 @@ def advance(mean, line, order, n, t, stop, before, after, at, outward, spans, ru
             outward[0, side] = inward(before, run[side])
         outward[1, LOW], outward[1, HIGH] = inward(after, low), inward(after, high)
         copy(after, at)
-        move_ends(mean, line, order, n, t, stop, outward[0], outward[1], at, run, plane)
+        move_ends(mean, line, t, stop, outward[0], outward[1], at, run, plane)
     elif met:
         for side in (LOW, HIGH):
             outward[0, side], outward[1, side] = inward(before, run[side]), 1.0
-        last = contact_time(mean, line, order, n, t, stop, True, at)
-        move_ends(mean, line, order, n, t, last, outward[0], outward[1], at, run, plane)
+        last = contact_time(mean, line, t, stop, True, at)
+        move_ends(mean, line, t, last, outward[0], outward[1], at, run, plane)
         finish(spans, run)
     elif meets:
-        first = contact_time(mean, line, order, n, t, stop, False, at)
+        first = contact_time(mean, line, t, stop, False, at)
         low, high = inside_range(at)
         begin(run, low, high, plane)
         outward[0, LOW], outward[0, HIGH] = -1.0, -1.0
         low, high = inside_range(after)
         outward[1, LOW], outward[1, HIGH] = inward(after, low), inward(after, high)
         copy(after, at)
-        move_ends(mean, line, order, n, first, stop, outward[0], outward[1], at, run, plane)
+        move_ends(mean, line, first, stop, outward[0], outward[1], at, run, plane)
 
 
 @kernel()
@@ -256,9 +257,9 @@ def comes_between(before, after):
 
 
 @kernel()
-def sample_time(n, length, at):
-    """Return the time to the next sample."""
-    base = 2.0 * pi / (SAMPLES * n) if n > 0.0 else length / SAMPLES
+def sample_time(turn, at):
+    """Return the part of a window to the next sample; the window takes `turn` of a revolution."""
+    base = 1.0 / (SAMPLES * turn)
     size, rate = sqrt(dot(at[1], at[1])), sqrt(dot(at[3], at[3]))
     if TURN * size < base * rate:
         return max(TURN * size / rate, FINEST * base)
@@ -266,7 +267,7 @@ def sample_time(n, length, at):
 
 
 @kernel()
-def follow_line(times, orders, n, windows, way, plane, result):
+def follow_line(turns, windows, way, plane, result):
     """Write the probabilities to begin inside and to be ever inside, and the expected entries."""
     line, spans = stack_matrix(TERMS, 3), np.empty((MOST, 2))
     before, between = stack_matrix(4, 3), stack_matrix(4, 3)
@@ -274,14 +275,14 @@ def follow_line(times, orders, n, windows, way, plane, result):
     outward, run = stack_matrix(2, 3), stack_vector(7)
     for k in range(7):
         run[k] = 0.0
-    for w in range(len(orders)):
-        order, length, mean = orders[w], times[w + 1] - times[w], windows[w, 0]
-        for k in range(order):
+    for w in range(len(windows)):
+        mean = windows[w, 0]
+        for k in range(TERMS):
             for i in range(3):
                 line[k, i] = 0.0
                 for j in range(len(way)):
                     line[k, i] += way[j] * windows[w, j + 1, k, i]
-        place_line(mean, line, order, n, 0.0, before)
+        place_line(mean, line, 0.0, before)
         if w == 0:
             low, high = inside_range(before)
             if low <= high:
@@ -289,17 +290,17 @@ def follow_line(times, orders, n, windows, way, plane, result):
             result[AT_START] = run[ENTERED]
             run[ENTERED] = 0.0
         t = 0.0
-        while t < length:
-            stop = min(length, t + sample_time(n, length, before))
-            place_line(mean, line, order, n, stop, after)
+        while t < 1.0:
+            stop = min(1.0, t + sample_time(turns[w], before))
+            place_line(mean, line, stop, after)
             if run[MET] == 0.0 and nearest(after)[1] < 0.0 and comes_between(before, after):
-                middle = deepest(mean, line, order, n, t, stop, at)
+                middle = deepest(mean, line, t, stop, at)
                 if nearest(at)[1] >= 0.0:
                     copy(at, between)
-                    advance(mean, line, order, n, t, middle, before, between, at, outward, spans, run, plane)
+                    advance(mean, line, t, middle, before, between, at, outward, spans, run, plane)
                     copy(between, before)
                     t = middle
-            advance(mean, line, order, n, t, stop, before, after, at, outward, spans, run, plane)
+            advance(mean, line, t, stop, before, after, at, outward, spans, run, plane)
             copy(after, before)
             t = stop
     finish(spans, run)
@@ -308,17 +309,15 @@ def follow_line(times, orders, n, windows, way, plane, result):
         result[EVER] += weight(spans[k, 0], spans[k, 1], plane)
 
 
-@kernel(
-    void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], float64[:, ::1], boolean, float64[:, ::1])
-)
-def follow_lines(times, orders, n, windows, directions, plane, out):
+@kernel(void(float64[::1], float64[:, :, :, ::1], float64[:, ::1], boolean, float64[:, ::1]))
+def follow_lines(turns, windows, directions, plane, out):
     """Write the results (K, 3) of `follow_line` for each line of errors along `directions` (K, M).
 
     `plane`: weighted as lines through the centre of a plane, for a mean over all directions.
     """
     windows, directions, out = borrowed(windows), borrowed(directions), borrowed(out)
     for p in range(len(directions)):
-        follow_line(times, orders, n, windows, directions[p], plane, out[p])
+        follow_line(turns, windows, directions[p], plane, out[p])
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,8 +356,7 @@ def _at_angles(sampled: SampledTrajectories, directions: Floats, what: int, angl
 def _along_lines(sampled: SampledTrajectories, directions: Floats, plane: bool) -> Floats:
     """Return the results of lines along some directions (K, M): (K, 3)."""
     out = np.empty((len(directions), 3))
-    held = sampled.times, sampled.orders, sampled.rate, sampled.windows
-    follow_lines(*held, np.ascontiguousarray(directions), plane, out)
+    follow_lines(sampled.turns, sampled.windows, np.ascontiguousarray(directions), plane, out)
     return out
 
 

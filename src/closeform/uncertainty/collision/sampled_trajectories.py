@@ -1,11 +1,9 @@
 """Sampled trajectories of a random relative motion: mean path and error columns, in common windows.
 
-A trajectory is the mean motion plus each column times its error. Derivatives at a window's start add up like
-motions, so that a trajectory costs one sum per window, and the march that finds conflicts counts its entries.
-Most windows need no march: the whole trajectory lies beyond a plane that touches the zone near the mean.
-
-Beside a chief that is not on a circle, windows have a variable of their own from 0 to 1, and motions are
-polynomials of it (see `table_windows`), of order `TERMS`; the signs of polynomials count the entries.
+In each window the mean and the columns are polynomials (see `table_windows`).  A trajectory is the mean plus
+each column times its error, so that it costs one sum of coefficients per window, and the signs of polynomials
+count its entries.  Most windows need no count: the whole trajectory lies beyond a plane that touches the zone
+near the mean.
 
 Process noise acts by changes of velocity between short steps, so that states are exact at the ends of steps
 and paths are continuous. The effect of these changes is a natural motion, which is six more columns. The
@@ -24,27 +22,25 @@ import numpy as np
 from numba import float64, int64, void
 
 from closeform._jit import kernel
-from closeform.arrays import Floats, instance
+from closeform.arrays import Floats, instance, subdivided
 from closeform.conflicts.chief.sign_changes import DEPTH, excluded, window_changes
-from closeform.conflicts.pair_search import ENTERED, cross
+from closeform.conflicts.pair_search import ENTERED
 from closeform.conflicts.two_paths import check_comparable
-from closeform.kernel_loans import borrowed, stack_matrix
-from closeform.motion.arc import ANGLE, END, MEAN_MOTION, PUSH, START, THRUST, derivatives_at
-from closeform.motion.certified_march import (
-    COAST_ANGLE,
-    LESS_PATIENCE,
-    PATIENCE,
-    locate,
-    relative_state,
-    store,
-)
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+from closeform.motion.arc import START
 from closeform.motion.chief.bernstein import SQUARE, TERMS
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import roots_of
 from closeform.uncertainty.error_columns import columns_of_pair
 from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.table_windows import polynomial_state, table_windows
+from closeform.uncertainty.table_windows import (
+    ANGLE,
+    hill_windows,
+    natural_windows,
+    polynomial_state,
+    table_windows,
+)
 from closeform.uncertainty.white_noise import (
     MOST_OFF,
     SAME,
@@ -53,7 +49,6 @@ from closeform.uncertainty.white_noise import (
     end_changes,
     step_for_zone,
     step_noise,
-    system_matrix,
 )
 from closeform.zones.shapes import FACES, FORM, norm, part, part_count
 from closeform.zones.zone import Zone
@@ -63,44 +58,14 @@ NUMBERS = 1 << 22  # maximum count of random numbers of noise in a chunk
 CORES = os.cpu_count() or 1
 BEYOND = 1.0 + 1e-9  # beyond rounding
 LEAST_OFF = 1e-9  # of the zone: bound of the effect of noise within a step, more than rounding
-ROWS, WINDOWS = float64[:, ::1], float64[:, :, :, ::1]
+ROWS, PLANES, WINDOWS = float64[:, ::1], float64[:, :, ::1], float64[:, :, :, ::1]
 
 
 @kernel()
-def motion_at(q, order, n, t):
-    """Return position and velocity at time t after the start of a window."""
-    if order == TERMS:
-        return polynomial_state(q, t)
-    return relative_state(q, order, n, t)
-
-
-@kernel()
-def advance(q, order, n, t):
-    """Propagate derivatives (8, 3) by a time t."""
-    more = stack_matrix(14, 3)
-    for k in range(order):
-        for i in range(3):
-            more[k, i] = q[k, i]
-    for k in range(order, 14):  # each axis solves D^2 (D^2 + n^2) r = 0, or D^4 (D^2 + n^2)^2 r = 0
-        for i in range(3):
-            if order == 4:
-                more[k, i] = -n * n * more[k - 2, i]
-            else:
-                more[k, i] = -n * n * (2.0 * more[k - 2, i] + n * n * more[k - 4, i])
-    for k in range(0, order, 2):
-        x, y, z, vx, vy, vz = relative_state(more[k:], order, n, t)
-        q[k, 0], q[k, 1], q[k, 2] = x, y, z
-        q[k + 1, 0], q[k + 1, 1], q[k + 1, 2] = vx, vy, vz
-
-
-@kernel()
-def count_changes(form, q, c, inside, work):
+def count_entries(form, c, inside, work):
     """Return whether a polynomial is inside at its end, and its entries; `inside` before its start."""
     shape, _, faces = form
     off, stack, ends, places, outs = work
-    for b in range(TERMS):
-        for axis in range(3):
-            c[axis, b] = q[b, axis]
     if excluded(shape, faces, c, off, stack[0]):
         return False, 0
     number, out = window_changes(shape, faces, c, off, stack, ends, places, outs)
@@ -115,116 +80,50 @@ def count_changes(form, q, c, inside, work):
     return now, count
 
 
-@kernel()
-def count_entries(q, order, n, stop, form, inside):
-    """Return whether a trajectory is inside at the end of a window, and its entries; overwrites `q`."""
-    shape, _, faces = form
-    count, patience = 0, PATIENCE
-    while True:
-        t = 0.0
-        while True:
-            t, crossed = cross(shape, faces, q, order, n, t, stop, inside, patience)
-            if not crossed:
-                break
-            inside = not inside
-            if inside:
-                count += 1
-        if t >= stop:
-            return inside, count
-        advance(q, order, n, t)
-        stop -= t
-        patience = LESS_PATIENCE
+@kernel(void(WINDOWS, FORM, PLANES))
+def fill_planes(windows, form, planes):
+    """Fill the coefficients (W, 1 + m, 12) of mean and columns along the normal of a plane touching the zone.
 
-
-@kernel(void(ROWS, ROWS, ROWS, int64[::1], float64[::1], int64[::1], ROWS, WINDOWS))
-def fill_windows(arcs, others, columns, offsets, times, orders, matrix, out):
-    """Fill derivatives (W, 1 + m, 8, 3) in zone coordinates of mean and columns at the starts of windows."""
-    q = stack_matrix(8, 3)
-    for w in range(len(orders)):
-        t, order = times[w], orders[w]
-        for j in range(len(offsets)):
-            for k in range(8):
-                q[k, 0], q[k, 1], q[k, 2] = 0.0, 0.0, 0.0
-            if j == 0:
-                derivatives_at(arcs[locate(arcs, 0, len(arcs), t)], t, order, q, 1.0)
-                derivatives_at(others[locate(others, 0, len(others), t)], t, order, q, -1.0)
-            else:
-                arc = columns[locate(columns, offsets[j - 1], offsets[j], t)]
-                derivatives_at(arc, t, order, q, 1.0)
-            for k in range(8):
-                store(out[w, j], k, matrix, q[k, 0], q[k, 1], q[k, 2])
-
-
-@kernel(void(float64[::1], int64[::1], float64, WINDOWS, FORM, float64[:, :, ::1]))
-def fill_planes(times, orders, n, windows, form, planes):
-    """Fill the distances (W, 1 + m, 4) of mean and columns along the normal of a plane touching the zone.
-
-    In zone units: at a window's start, at its end, and the sag between, in two parts. A trajectory whose sums
-    exceed 1 at both ends by more than its sag has no entry there. All are 0 for a window that is neither
-    natural motion nor cubic. Of polynomials they are the coefficients (W, 1 + m, 12) of the distance.
+    In zone units. A trajectory whose sums all exceed 1 has no entry in the window.
     """
     shape, _, faces = form
-    for w in range(len(orders)):
-        order = orders[w]
-        if order == 8:
-            continue
-        h = times[w + 1] - times[w]
-        bend = h if n == 0.0 else min(h, 1.0 / n)
-        x, y, z, _, _, _ = motion_at(windows[w, 0], order, n, 0.5 * h)
+    for w in range(len(windows)):
+        x, y, z, _, _, _ = polynomial_state(windows[w, 0], 0.5)
         farthest, gx, gy, gz = part(shape, faces, 0, x, y, z)
         for k in range(1, part_count(shape, faces)):
             s, ax, ay, az = part(shape, faces, k, x, y, z)
             if s > farthest:
                 farthest, gx, gy, gz = s, ax, ay, az
         for j in range(len(planes[w])):
-            q, row = windows[w, j], planes[w, j]
-            for k in range(order if order == TERMS else 0):
-                row[k] = gx * q[k, 0] + gy * q[k, 1] + gz * q[k, 2]
-            if order == TERMS:
-                continue
-            x, y, z, _, _, _ = relative_state(q, 4, n, h)
-            row[0] = gx * q[0, 0] + gy * q[0, 1] + gz * q[0, 2]
-            row[1] = gx * x + gy * y + gz * z
-            row[2] = h * h / 8.0 * (gx * q[2, 0] + gy * q[2, 1] + gz * q[2, 2])
-            row[3] = h * h / 8.0 * bend * (gx * q[3, 0] + gy * q[3, 1] + gz * q[3, 2])
+            q = windows[w, j]
+            for k in range(TERMS):
+                planes[w, j, k] = gx * q[k, 0] + gy * q[k, 1] + gz * q[k, 2]
 
 
 @kernel()
-def is_beyond(shape, plane, error, scale):
-    """Return True if a trajectory stays beyond a window's plane (1 + m, 4), or beyond the opposite one.
+def is_beyond(shape, plane, error, scale, line):
+    """Return True if a trajectory stays beyond a window's plane (1 + m, 12), or beyond the opposite one.
 
-    The planes are those of the zone enlarged by `scale`. Of polynomials all coefficients must be beyond.
+    The planes are those of the zone enlarged by `scale`. `line` (12,) is room.
     """
-    if plane.shape[1] == TERMS:
-        least, most = inf, -inf
-        for b in range(TERMS):
-            total = plane[0, b]
-            for j in range(len(error)):
-                total += error[j] * plane[j + 1, b]
-            least, most = min(least, total), max(most, total)
-            if least <= BEYOND * scale and (most >= -BEYOND * scale or shape == FACES):
-                return False
-        return True
-    first, last, sag, more = plane[0, 0], plane[0, 1], plane[0, 2], plane[0, 3]
+    for b in range(TERMS):
+        line[b] = plane[0, b]
     for j in range(len(error)):
-        first += error[j] * plane[j + 1, 0]
-        last += error[j] * plane[j + 1, 1]
-        sag += error[j] * plane[j + 1, 2]
-        more += error[j] * plane[j + 1, 3]
-    if first < 0.0 and shape != FACES:
-        first, last = -first, -last
-    return min(first, last) - abs(sag) - abs(more) > BEYOND * scale
+        for b in range(TERMS):
+            line[b] += error[j] * plane[j + 1, b]
+    least, most = inf, -inf
+    for b in range(TERMS):
+        least, most = min(least, line[b]), max(most, line[b])
+    return least > BEYOND * scale or (most < -BEYOND * scale and shape != FACES)
 
 
 @kernel(
     void(
-        *(float64[::1], int64[::1], float64, WINDOWS, float64[:, :, ::1], FORM, float64[::1]),
-        *(int64[::1], float64[:, :, ::1], ROWS, ROWS, float64[:, :, ::1], int64[:, :, ::1]),
+        *(WINDOWS, PLANES, FORM, float64[::1], int64[::1], float64[:, :, ::1], ROWS, ROWS),
+        *(float64[:, :, ::1], int64[:, :, ::1]),
     )
 )
-def count_trajectories(
-    times, orders, n, windows, planes, form, factors, instants, flows, ends, errors, pushes, out
-):
+def count_trajectories(windows, planes, form, factors, instants, flows, ends, errors, pushes, out):
     """Write whether each trajectory begins inside, and its later entries, to `out` (N, Z, 2).
 
     For errors (N, m) and increments `pushes` (N, K, 6) of the state by noise in each step, which act by
@@ -235,7 +134,7 @@ def count_trajectories(
     flows, ends, pushes = borrowed(flows), borrowed(ends), borrowed(pushes)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     given, width = errors.shape[1], windows.shape[1] - 1
-    q, scaled, c = stack_matrix(TERMS, 3), stack_matrix(TERMS, 3), stack_matrix(3, TERMS)
+    q, scaled, line = stack_matrix(TERMS, 3), stack_matrix(3, TERMS), stack_vector(TERMS)
     room = 2 * SQUARE + 2 * TERMS * (6 + len(form[2]))
     work = (
         np.zeros(3),
@@ -250,35 +149,32 @@ def count_trajectories(
             xi[j] = errors[p, j] if j < given else 0.0
         out[p] = 0
         inside[:] = False
-        for w in range(len(orders)):
+        for w in range(len(windows)):
             k = instants[w]
             for i in range(3 if k >= 0 else 0):
                 for j in range(6):
                     xi[given + 3 + i] += ends[i, j] * pushes[p, k, j]
                     if k > 0:
                         xi[given + 3 + i] += ends[3 + i, j] * pushes[p, k - 1, j]
-            if inside[0] or not is_beyond(form[0], planes[w], xi, factors[0]):
-                for k in range(orders[w]):
+            if inside[0] or not is_beyond(form[0], planes[w], xi, factors[0], line):
+                for k in range(TERMS):
                     for i in range(3):
                         q[k, i] = windows[w, 0, k, i]
                 for j in range(width):
-                    for k in range(orders[w]):
+                    for k in range(TERMS):
                         for i in range(3):
                             q[k, i] += xi[j] * windows[w, j + 1, k, i]
                 for z in range(len(factors)):
-                    for k in range(orders[w]):
-                        for i in range(3):
-                            scaled[k, i] = q[k, i] / factors[z]
+                    for i in range(3):
+                        for k in range(TERMS):
+                            scaled[i, k] = q[k, i] / factors[z]
                     if w == 0:
                         inside[z] = (
-                            norm(form[0], form[2], scaled[0, 0], scaled[0, 1], scaled[0, 2]) <= ENTERED
+                            norm(form[0], form[2], scaled[0, 0], scaled[1, 0], scaled[2, 0]) <= ENTERED
                         )
                         out[p, z, 0] = inside[z]
-                    before, span = inside[z], times[w + 1] - times[w]
-                    if orders[w] == TERMS:
-                        inside[z], more = count_changes(form, scaled, c, before, work)
-                    else:
-                        inside[z], more = count_entries(scaled, orders[w], n, span, form, before)
+                    before = inside[z]
+                    inside[z], more = count_entries(form, scaled, before, work)
                     out[p, z, 1] += more
                     if w > 0 and not before and more == 0:
                         break  # smaller zones have no entries either
@@ -320,11 +216,9 @@ class SampledTrajectories:
     noise: float  # spectral density of the process noise [m^2/s^3]
     zone: Zone
     edges: Floats
-    times: Floats  # (W + 1,) edges of windows; 0, 1, ... where these are polynomials
-    orders: Any  # (W,)
-    rate: float  # mean motion in the time of windows [rad/s]; 0 of polynomials and in deep space
-    windows: Floats  # (W, 1 + M, 8, 3), (W, 7 + M, 8, 3) with steps, (W, 1 + M, 12, 3) of polynomials
-    planes: Floats  # (W, 1 + M, 4), (W, 7 + M, 4) or (W, 1 + M, 12)
+    turns: Floats  # (W,) parts of a revolution that windows take in Hill's equations, otherwise 1
+    windows: Floats  # (W, 1 + M, 12, 3), (W, 7 + M, 12, 3) with steps: Bernstein coefficients
+    planes: Floats  # (W, 1 + M, 12) or (W, 7 + M, 12)
     step: float | None
     instants: Any
     flows: Floats
@@ -340,55 +234,36 @@ class SampledTrajectories:
         zone: Zone,
         step: float | None = None,
     ) -> SampledTrajectories:
-        """Return the trajectories in windows as long as the march's bounds allow.
+        """Return the trajectories.
 
-        Without a `step`, process noise is not included in trajectories.
+        Without a `step`, process noise is not included in them.
         """
-        rows = np.concatenate([path.arcs, other.arcs, columns.arcs])
+        starts = np.concatenate([path.arcs, other.arcs, columns.arcs])[:, START]
         start, end = max(path.start, other.start), min(path.end, other.end)
-        if isinstance(path.orbit, ChiefOrbit):
-            edges = _edges(start, end, rows[:, START])
-            _, windows, _ = table_windows(path, other, columns, zone)
-            count = len(windows)
-            times, held = np.arange(count + 1.0), np.full(count, TERMS)
-            planes = np.zeros((*windows.shape[:2], TERMS))
-            fill_planes(times, held, 0.0, windows, zone.form, planes)
-            return cls(
-                *(path, other, columns, noise, zone, edges, times, held, 0.0),
-                *(windows, planes, None, np.full(count, -1), np.empty((0, 6, 6)), 0.0),
-            )
-        n = path.orbit.mean_motion
-        changes = np.empty(0)
+        changes, flows, off = np.empty(0), np.empty((0, 6, 6)), 0.0
         if step is not None:
             changes = start + step * np.arange(ceil((end - start) / step - SAME))
-        edges = _edges(start, end, np.concatenate([rows[:, START], changes]))
-        thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n)
-        bent = n > 0.0 and step is not None  # by natural motion added to cubics
-        cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1) & (not bent)
-        ends, orders = [start], []
-        for begin, stop in zip(edges[:-1], edges[1:], strict=True):
-            here = (rows[:, START] <= begin) & (rows[:, END] >= stop)
-            natural = n > 0.0 and not thrusting[here].any()
-            order = 4 if natural or cubic[here].all() else 8
-            turn = n * (stop - begin) / (COAST_ANGLE if natural else ANGLE)
-            pieces = max(1, int(np.ceil(turn)))
-            ends += np.linspace(begin, stop, pieces + 1)[1:].tolist()
-            orders += [order] * pieces
-        times, held = np.array(ends), np.array(orders)
-        windows = np.zeros((len(orders), 1 + len(columns), 8, 3))
-        fill_windows(path.arcs, other.arcs, columns.arcs, columns.offsets, times, held, zone.matrix, windows)
-        instants, flows, off = np.full(len(orders), -1), np.empty((0, 6, 6)), 0.0
-        if step is not None:
-            every = np.broadcast_to(natural_derivatives(zone, n), (len(orders), 6, 8, 3))
-            windows = np.ascontiguousarray(np.concatenate([windows, every], axis=1))
-            places = np.minimum(np.searchsorted(changes, times[:-1]), len(changes) - 1)
-            instants = np.where(changes[places] == times[:-1], places, -1)
-            flows = path.orbit.transition(np.diff(times))
-            off = max(deviation_in_step(noise, step) / zone.inner_radius, LEAST_OFF)
-        planes = np.zeros((*windows.shape[:2], 4))
-        fill_planes(times, held, n, windows, zone.form, planes)
+        edges = _edges(start, end, np.concatenate([starts, changes]))
+        if isinstance(path.orbit, ChiefOrbit):
+            _, windows, _ = table_windows(path, other, columns, zone)
+            turns, instants = np.ones(len(windows)), np.full(len(windows), -1)
+        else:
+            n = path.orbit.mean_motion
+            times = subdivided(edges, np.maximum(np.ceil(n * np.diff(edges) / ANGLE), 1.0))
+            windows = hill_windows(path, other, columns, zone, times)
+            turns = n * np.diff(times) / (2.0 * np.pi) if n > 0.0 else np.ones(len(windows))
+            instants = np.full(len(windows), -1)
+            if step is not None:
+                natural = natural_windows(path.orbit, zone, np.diff(times))
+                windows = np.concatenate([windows, natural], axis=1)
+                places = np.minimum(np.searchsorted(changes, times[:-1]), len(changes) - 1)
+                instants = np.where(changes[places] == times[:-1], places, -1)
+                flows = path.orbit.transition(np.diff(times))
+                off = max(deviation_in_step(noise, step) / zone.inner_radius, LEAST_OFF)
+        planes = np.zeros(windows.shape[:3])
+        fill_planes(windows, zone.form, planes)
         return cls(
-            *(path, other, columns, noise, zone, edges, times, held, n),
+            *(path, other, columns, noise, zone, edges, turns),
             *(windows, planes, step, instants, flows, off),
         )
 
@@ -396,6 +271,11 @@ class SampledTrajectories:
     def changes(self) -> int:
         """Number of velocity changes by process noise."""
         return int(self.instants.max()) + 1
+
+    @property
+    def _moved(self) -> tuple[float, Any]:
+        """Mean motion [rad/s] and step [s] of the process noise."""
+        return self.path.orbit.mean_motion, self.step
 
     def spread(self, per_turn: float) -> Floats:
         """Return times of the whole motion, so many in a revolution, with all edges."""
@@ -419,7 +299,7 @@ class SampledTrajectories:
         """
         held = np.empty((len(errors), 0, 6)) if pushes is None else pushes
         out = np.empty((len(errors), 1, 2), dtype=np.int64)
-        ends = np.zeros((6, 6)) if self.step is None else end_changes(self.rate, self.step)
+        ends = np.zeros((6, 6)) if self.step is None else end_changes(*self._moved)
         with ThreadPoolExecutor(CORES) as pool:
             size = max(1, min(CHUNK // 4, -(-len(errors) // (2 * CORES))))
             jobs = [slice(k, k + size) for k in range(0, len(errors), size)]
@@ -438,8 +318,8 @@ class SampledTrajectories:
         changes, factors, ends = self.changes, np.ones(1), np.zeros((6, 6))
         if self.step is not None:
             factors = np.array([1.0 + self.off, 1.0, 1.0 - self.off])
-            moved = self.rate, self.step
-            ends = np.ascontiguousarray(np.sqrt(self.noise) * end_changes(*moved) @ step_noise(*moved)[1])
+            root = step_noise(*self._moved)[1]
+            ends = np.ascontiguousarray(np.sqrt(self.noise) * end_changes(*self._moved) @ root)
         size = max(1, min(CHUNK, NUMBERS // max(1, 6 * changes)))
 
         def chunk(k: int) -> Floats:
@@ -459,22 +339,13 @@ class SampledTrajectories:
 
     def _count(self, factors: Floats, ends: Floats, errors: Floats, pushes: Floats, out: Any) -> None:
         """Count the entries of trajectories with the kernel."""
-        held = self.times, self.orders, self.rate, self.windows, self.planes, self.zone.form
+        held = self.windows, self.planes, self.zone.form
         count_trajectories(*held, factors, self.instants, self.flows, ends, errors, pushes, out)
 
 
 def _edges(start: float, end: float, times: Floats) -> Floats:
     """Return a start, an end, and the times between them."""
     return np.unique(np.concatenate([[start, end], times[(times > start) & (times < end)]]))
-
-
-def natural_derivatives(zone: Zone, n: float) -> Floats:
-    """Return the derivatives (6, 8, 3) of the position after each unit state, in zone coordinates."""
-    found, power = [], np.eye(6)
-    for _ in range(8):
-        found.append((zone.matrix @ power[:3]).T)
-        power = power @ system_matrix(n)
-    return np.stack(found, axis=1)
 
 
 def noise_step(path: Path, other: Path, noise: float, zone: Zone) -> float | None:

@@ -27,6 +27,7 @@ from numba import float64, int64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix
+from closeform.motion.linear import axes_across, copy, times
 from closeform.zones.shapes import BALL, CUBE, FACES, norm, support
 from closeform.zones.zone import Zone
 
@@ -46,16 +47,6 @@ ROWS = float64[:, ::1]
 def faced(zone: Zone) -> tuple[int, Floats, Floats]:
     """Return a zone's `form` for the search of planes, with a cube as six faces."""
     return (FACES, zone.matrix, CUBE_FACES) if zone.shape == CUBE else zone.form
-
-
-@kernel()
-def times(s, x, y, z):
-    """Return the product of a symmetric matrix (3, 3) and a vector."""
-    return (
-        s[0, 0] * x + s[0, 1] * y + s[0, 2] * z,
-        s[0, 1] * x + s[1, 1] * y + s[1, 2] * z,
-        s[0, 2] * x + s[1, 2] * y + s[2, 2] * z,
-    )
 
 
 @kernel()
@@ -181,7 +172,7 @@ def flat_plane(faces, r, s, k, fine, best):
         g, _, _, _ = gap_of_plane(r, s, k, faces[m, 0], faces[m, 1], faces[m, 2])
         if g > best[3]:
             best[0], best[1], best[2], best[3] = faces[m, 0], faces[m, 1], faces[m, 2], g
-    copy_row(best, active[0])
+    copy(best, active[0])
     count = 1
     for _ in range(40):
         _, px, py, pz = gap_of_plane(r, s, k, best[0], best[1], best[2])
@@ -198,15 +189,15 @@ def flat_plane(faces, r, s, k, fine, best):
         for i in range(count):
             share = mixture(added, active[i], r, s, k)
             if 0.0 < share < 1.0 and try_mixture(added, active[i], added, share, 0.0, r, s, k, best):
-                copy_row(active[i], chosen[0])
+                copy(active[i], chosen[0])
                 found = 1
         for i in range(count):
             for j in range(i):
                 share, other = mixture_of_three(added, active[i], active[j], r, s, k)
                 mixed = share > 0.0 and other > 0.0 and share + other < 1.0
                 if mixed and try_mixture(added, active[i], active[j], share, other, r, s, k, best):
-                    copy_row(active[i], chosen[0])
-                    copy_row(active[j], chosen[1])
+                    copy(active[i], chosen[0])
+                    copy(active[j], chosen[1])
                     found = 2
         if found == 0:  # the best, or one of many if nothing is uncertain along it: compare all mixtures
             for i in range(len(faces)):
@@ -220,8 +211,8 @@ def flat_plane(faces, r, s, k, fine, best):
                             try_mixture(faces[i], faces[j], faces[m], share, other, r, s, k, best)
             return
         for i in range(found):
-            copy_row(chosen[i], active[i])
-        copy_row(added, active[found])
+            copy(chosen[i], active[i])
+        copy(added, active[found])
         count = found + 1
 
 
@@ -237,13 +228,6 @@ def try_mixture(f, g, h, share, other, r, s, k, best):
         return False
     best[0], best[1], best[2], best[3] = x, y, z, found
     return True
-
-
-@kernel()
-def copy_row(source, target):
-    """Copy a vector of three components."""
-    for i in range(3):
-        target[i] = source[i]
 
 
 @kernel()
@@ -466,13 +450,13 @@ def best_across(shape, r, root, k, chart, _, u, best):
 def search_faces(faces, r, root, k, chart, best):
     """Search the best mixture of two faces, or of three that meet in a corner of the zone."""
     for i in range(len(faces)):
-        copy_row(faces[i], chart[0])
+        copy(faces[i], chart[0])
         for j in range(i):
-            copy_row(faces[j], chart[1])
-            copy_row(faces[i], chart[2])
+            copy(faces[j], chart[1])
+            copy(faces[i], chart[2])
             golden_maximum(merit, FACES, r, root, k, chart, 1.0, best)
             for m in range(j):
-                copy_row(faces[m], chart[2])
+                copy(faces[m], chart[2])
                 if is_corner(faces, chart):
                     golden_maximum(best_across, FACES, r, root, k, chart, 0.0, best)
 
@@ -495,11 +479,10 @@ def axes_about(r, axes):
     """Fill `axes` (3, 3) with r / |r| and two unit vectors across it."""
     size = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     x, y, z = r[0] / size, r[1] / size, r[2] / size
-    side = 1.0 if z >= 0.0 else -1.0
-    part = -1.0 / (side + z)
+    one, other = axes_across(x, y, z)
     axes[0, 0], axes[0, 1], axes[0, 2] = x, y, z
-    axes[1, 0], axes[1, 1], axes[1, 2] = 1.0 + side * x * x * part, side * x * y * part, -side * x
-    axes[2, 0], axes[2, 1], axes[2, 2] = x * y * part, side + y * y * part, -y
+    axes[1, 0], axes[1, 1], axes[1, 2] = one
+    axes[2, 0], axes[2, 1], axes[2, 2] = other
 
 
 @kernel()

@@ -143,14 +143,9 @@ def sample_window(tube, span, k, best, best_time):
 @kernel()
 def sampled_level(tube, one, first, two, second, start, end, k):
     """Return a level of the pair and its time, usually the lowest, which saves work in the march."""
-    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
-    i = locate(one.arcs, one.offsets[first], i_end, start)
-    j = locate(two.arcs, two.offsets[second], j_end, start)
     best, begin, t = NEVER, nan, start
     while t < end and best > 0.0:
-        i, j = advance(one.arcs, i, i_end, t), advance(two.arcs, j, j_end, t)
-        stop = window_end(one.arcs[i], two.arcs[j], t, end)
-        load_tube(tube, one, i, first, two, j, second, t, stop - t)
+        stop = load_at(tube, one, first, two, second, t, end)
         best, when = sample_window(tube, stop - t, k, best, nan)
         if when == when:
             n = max(tube.mean_motion, tube.state[MEAN_RATE])
@@ -159,12 +154,7 @@ def sampled_level(tube, one, first, two, second, start, end, k):
         t = stop
     if begin != begin:
         return inf, nan
-    i, j = (
-        locate(one.arcs, one.offsets[first], i_end, begin),
-        locate(two.arcs, two.offsets[second], j_end, begin),
-    )
-    stop = window_end(one.arcs[i], two.arcs[j], begin, end)
-    load_tube(tube, one, i, first, two, j, second, begin, stop - begin)
+    stop = load_at(tube, one, first, two, second, begin, end)
     best, when = level(tube, 0.0, k, 0.0, NEVER, True), 0.0
     if 0.0 < best < inf:
         best, when = descend(tube, when, stop - begin, k, best)
@@ -172,11 +162,13 @@ def sampled_level(tube, one, first, two, second, start, end, k):
 
 
 @kernel()
-def advance(arcs, i, i_end, t):
-    """Return the index of the arc, from the i-th on, in which the motion continues after time t."""
-    while i + 1 < i_end and arcs[i, END] <= t:
-        i += 1
-    return i
+def load_at(tube, one, first, two, second, t, end):
+    """Load the arcs of a pair from time t on, until `end` at most; return the time until which they hold."""
+    i = locate(one.arcs, one.offsets[first], one.offsets[first + 1], t)
+    j = locate(two.arcs, two.offsets[second], two.offsets[second + 1], t)
+    stop = window_end(one.arcs[i], two.arcs[j], t, end)
+    load_tube(tube, one, i, first, two, j, second, t, stop - t)
+    return stop
 
 
 @kernel()
@@ -185,15 +177,10 @@ def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time)
 
     The search starts from a known level and its time, or from inf and nan.
     """
-    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
-    i = locate(one.arcs, one.offsets[first], i_end, start)
-    j = locate(two.arcs, two.offsets[second], j_end, start)
     reset_stalls(tube)
     t, patience = start, PATIENCE
     while True:
-        i, j = advance(one.arcs, i, i_end, t), advance(two.arcs, j, j_end, t)
-        stop = window_end(one.arcs[i], two.arcs[j], t, end)
-        load_tube(tube, one, i, first, two, j, second, t, stop - t)
+        stop = load_at(tube, one, first, two, second, t, end)
         least, when, reached = least_in_window(tube, stop - t, k, best, nan, patience)
         if least < best:
             best, best_time = least, min(t + when, stop) if when == when else best_time
