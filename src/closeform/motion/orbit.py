@@ -209,7 +209,7 @@ class Orbit(CircularOrbit, ReferenceOrbit):
 
         References
         ----------
-        docs/theory.md (80); docs/models.md.
+        docs/theory.md (80); docs/eccentric_chief.md.
 
         Examples
         --------
@@ -267,7 +267,7 @@ class Orbit(CircularOrbit, ReferenceOrbit):
 
         References
         ----------
-        docs/models.md.
+        docs/eccentric_chief.md.
 
         Examples
         --------

@@ -176,7 +176,7 @@ class Gathering(Result):
 
         References
         ----------
-        docs/python.md.
+        docs/results.md.
         """
         pushes = np.array([event.delta_v for event in self.events]).reshape(-1, 3)
         names = ("kind", "first", "second", "phase", "round", "case", "label")
