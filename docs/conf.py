@@ -29,8 +29,8 @@ release = version = version_of("closeform")
 CONTENTS = {
     "index": "tutorial guide gallery reference background",
     "guide": (
-        "conflicts ephemerides epochs passive_safety uncertainty avoidance formation targets eccentric_chief fuel "
-        "field mission_review studies lost_craft search_robustness export motion elements results "
+        "conflicts ephemerides epochs passive_safety uncertainty avoidance formation targets eccentric_chief "
+        "fuel field mission_review studies lost_craft search_robustness export motion elements results "
         "notebooks/find notebooks/collide notebooks/move pictures viewer on_board"
     ),
     "reference": "scenario scenario_keys command-line api messages glossary",

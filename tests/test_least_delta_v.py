@@ -76,7 +76,7 @@ def test_documented_excess_of_energy_plans() -> None:
     assert above[0] > -0.5  # %; restriction to equal times
     text = " ".join(PAGE.read_text(encoding="utf-8").split())
     claim = re.search(
-        r"(\d+) % more delta-v than the minimum in the median, and (\d+) to (\d+) % in nine of ten", text
+        r"(\d+) % more delta-v than the minimum in the median, and (\d+) to (\d+) % more in 90 %", text
     )
     assert claim is not None
     rng = np.random.default_rng(12)

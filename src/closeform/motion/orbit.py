@@ -182,7 +182,7 @@ class Orbit(CircularOrbit, ReferenceOrbit):
         perigee_altitude : float [m], optional
             Altitude of perigee above the body's surface.
         argument_of_perigee : float [rad], default 0
-            Angle from the ascending node to perigee; at eccentricity 0 to where anomalies begin.
+            Angle from the ascending node to perigee; at eccentricity 0, to the origin of anomalies.
         true_anomaly : float [rad], default 0
             The chief's true anomaly at time 0.
         span : float [s], default one day

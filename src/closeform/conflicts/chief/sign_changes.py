@@ -234,7 +234,7 @@ def excluded(shape, faces, c, off, f):
 
 @kernel()
 def window_changes(shape, faces, c, off, stack, ends, places, outs):
-    """Fill in the changes of all parts in order; return their number, and how many parts are out at 0."""
+    """Fill in the changes of all parts in order; return their number and that of parts outside at 0."""
     number, out = 0, 0
     for part in range(part_number(shape, faces)):
         number, holds = mark_changes(shape, faces, part, c, off, stack, ends, number, places, outs)
