@@ -20,7 +20,7 @@ From a problem to a plan:
 
 1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
 2. `planner.planned` keeps clear paths, or calls `energy_solver.least_energy` or
-   `delta_v_search.solve_impulses`.  If none are found, `violations` names the remaining ones.
+   `delta_v_search.solve_impulses`.  Where none are found, `violations` names what remains.
 3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `energy_solver`) proposes starts:
    planes on different sides of the zones.  A method above leads from each start to clear paths; the best
    are kept.
@@ -164,7 +164,7 @@ class Rounds(Generic[C, P]):
 
     Paths that are clear stay clear when the planes turn, and their cost decreases.  Programs have the
     `accuracies` of the first rounds, then always the last of these; only then are planes moved out.  With a
-    `stride`, a round that is not clear is shortened so that no pair moves by more than `stride` zones.
+    `stride`, a round that is not clear goes only so far that no pair moves by more than `stride` zones.
     """
 
     task: Any  # Task[C, P], with a stride SteppingTask[C, P]
@@ -246,7 +246,7 @@ class Descent(Generic[C, P]):
         return Step(clear)
 
     def done(self, state: Step[C]) -> bool:
-        """Return True if the last step hardly reduced the cost, or the effort is used."""
+        """Return whether no step leads to hardly cheaper paths, or the effort is used."""
         assert state.best is not None
         level = state.gained < GAINED * state.best.cost
         return state.over or level or state.turn == DESCENTS or self.task.exhausted()

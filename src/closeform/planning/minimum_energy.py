@@ -50,7 +50,7 @@ class Outcome:
 
     @property
     def unfireable(self) -> str:
-        """Return as text the number of impulses below the minimum bit; empty if there are none."""
+        """Return as text how many impulses are below the minimum bit, empty without any."""
         count = self.below_bit
         return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
 
@@ -58,9 +58,9 @@ class Outcome:
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
     """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
 
-    The problem has zones alone, or a loss of thrust.  Zones are enlarged only as much as rounding requires,
-    and further only if no clear path is found.  With `waiting`, passively safe paths are otherwise blended
-    from a two-impulse plan with waits.
+    The problem has zones alone, or a loss of thrust.  Zones are enlarged only by what rounding requires, and
+    by more only if no clear path is found.  With `waiting`, passively safe paths are otherwise blended from a
+    two-impulse plan with waits.
     """
     if problem.drift is not None:
         from closeform.planning.passive.passive_search import PassiveSearch

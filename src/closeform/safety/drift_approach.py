@@ -102,8 +102,8 @@ def passively_safe(
     zone : Zone
         Zone of the pair.
     until : float [s]
-        End of the drift, on the clock of the paths, not before the failing path ends; inf is a million
-        orbits. A spacecraft that does not fail coasts once its path has ended.
+        End of the drift, in the time of the paths, not before the failing path ends. inf stands for
+        a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
         Failure of thrust; about a chief that is not on a circle only `ThrustLost`.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -113,7 +113,7 @@ def passively_safe(
     Returns
     -------
     bool or array of bool of shape (...)
-        True if no failure causes an entry into the zone; certified. Also True without a common time.  False
+        True if no failure leads into the zone, which is certified; also without a common time.  False
         if one does, or if many cells left it undecided (failures that graze it, with many unknowns).
 
     Raises
@@ -309,8 +309,8 @@ def drift_approach(
     zone : Zone
         Zone that defines the norm.
     until : float [s]
-        End of the drift, on the clock of the paths, not before the failing path ends; inf is a million
-        orbits. A spacecraft that does not fail coasts once its path has ended.
+        End of the drift, in the time of the paths, not before the failing path ends. inf stands for
+        a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
         Failure of thrust; about a chief that is not on a circle only `ThrustLost`.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -320,11 +320,11 @@ def drift_approach(
     Returns
     -------
     DriftApproach
-        Floats for two spacecraft, arrays for batches. No failure at any instant leads below `lower` during
-        the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9, or to that
-        fraction of itself where it is above 1, unless failures with many unknowns need more cells than are
-        searched; then the minimum lies between `lower` and `ratio`.  About a chief that is not on a circle,
-        `lower` is usually 0.1 % below the ratio; if it is lower, the minimum lies in between.
+        Floats for two spacecraft, arrays for batches. No failure at any instant leads below `lower`
+        during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
+        or to that fraction of itself where it is above 1, unless failures with many unknowns need more
+        cells than are searched; then the minimum lies between `lower` and `ratio`.  About a chief that is
+        not on a circle `lower` is mostly 0.1 % below the ratio; where it is lower, the minimum lies between.
 
     Raises
     ------

@@ -87,7 +87,7 @@ class Drag:
             or not self.chief >= 0.0
         ):
             got = shown(self.ballistic if self.chief >= 0.0 else self.chief)
-            raise ValueError(f"ballistic: expected at least 0 m^2/kg for each craft, got {got}")
+            raise ValueError(f"ballistic: expected m^2/kg of each craft, 0 or more, got {got}")
         object.__setattr__(self, "ballistic", ballistic)
 
 

@@ -23,7 +23,7 @@ LOWEST = 100e3  # m above the Earth: no orbit lasts below, so a lower altitude i
 
 
 def low(altitude: float) -> str | None:
-    """Return the reason why an altitude [m] above the Earth is implausible, or None."""
+    """Return why an altitude [m] above the Earth is implausible, or None."""
     if not 0.0 <= number("altitude", altitude) < LOWEST:
         return None
     return (

@@ -93,7 +93,7 @@ class ArcTask:
 
 
 def blended_plan(problem: Problem, margin: float) -> Trajectories | None:
-    """Return the lowest-cost certified safe paths found; None if there is no safe two-impulse plan."""
+    """Return the lowest-cost paths found that are certified safe; None without a safe two-impulse plan."""
     task = ArcTask(problem, margin)
     begin = spread_plan(task)
     if begin is None:
