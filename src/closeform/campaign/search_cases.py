@@ -536,6 +536,6 @@ class GatherCampaign(Campaign):
     met_known = property(lambda self: self.column("met_known"), doc="Conflicts of pairs after a lock.")
 
     def conflicts(self, column: str) -> tuple[int, int]:
-        """Return the cases with pairs in a keep-out zone, and the pairs, of `met_unknown` or `met_known`."""
+        """Return the numbers of cases and of pairs with a conflict: `met_unknown` or `met_known`."""
         cases, pairs = self.total(lambda part: np.array([(part[column] > 0).sum(), part[column].sum()]))
         return int(cases), int(pairs)

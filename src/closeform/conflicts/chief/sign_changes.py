@@ -112,7 +112,7 @@ def height(shape, faces, part, c, off, u):
 def root(shape, faces, part, c, off, low, high, first, rising):
     """Return the only root of a part in [low, high], by Newton's method in a bracket from `first` onward.
 
-    It ends where steps no longer become shorter: there they are rounding.
+    It ends when steps no longer become shorter, because they then consist of rounding.
     """
     u, last = min(max(first, low), high), 1.0
     for _ in range(60):

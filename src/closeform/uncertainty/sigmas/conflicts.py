@@ -139,7 +139,7 @@ def march_inside(tube, t, span, k, patience):
 
 @kernel()
 def load_pair(scene, i, j, t, span):
-    """Load arcs i and j of a pair from time t on, for at most `span`; return the latter."""
+    """Load arcs i and j of a pair from time t on, for at most `span`; return `span`."""
     tube, one, first, two, second, _ = scene
     load_tube(tube, one, i, first, two, j, second, t, span)
     return span
