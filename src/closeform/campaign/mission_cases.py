@@ -225,7 +225,7 @@ class MissionCases(Cases):
         return found
 
     def mission(self, case: int) -> Mission:
-        """Return the mission of one case: the stored one, or one that is evaluated again."""
+        """Return the mission of one case: the stored one, else evaluated again."""
         kept = self.plans.mission(case)
         return kept or self.as_happened(one_case(self.scenario, self.seed, case), case)
 
