@@ -27,14 +27,14 @@ release = version = version_of("closeform")
 
 # The pages below each page, in their order.
 CONTENTS = {
-    "index": "start tour guide gallery reference background",
+    "index": "tutorial guide gallery reference background",
     "guide": (
-        "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
-        "ephemerides export epochs field evidence on_board campaigns models motion elements python "
-        "notebooks/find notebooks/collide notebooks/move pictures viewer"
+        "conflicts ephemerides epochs passive_safety uncertainty avoidance formation targets eccentric_chief "
+        "fuel field mission_review studies lost_craft search_robustness export motion elements results "
+        "notebooks/find notebooks/collide notebooks/move pictures viewer on_board"
     ),
     "reference": "scenario scenario_keys command-line api messages glossary",
-    "background": "certified theory papers validity benchmarks peers",
+    "background": "models theory papers benchmarks peers",
 }
 
 # One file that draws formulas as SVG, and asks no network for anything.
@@ -75,7 +75,7 @@ html_static_path = ["_static", str(MATHJAX)]
 mathjax_path = MATHJAX.name
 html_css_files = ["closeform.css"]
 html_show_sourcelink = False
-html_sidebars = {page: [] for page in ("index", "start", "tour", "gallery")}  # nothing is below them
+html_sidebars = {page: [] for page in ("index", "tutorial", "gallery")}  # nothing is below them
 toc_object_entries_show_parents = "hide"
 html_show_copyright = False
 html_context = {"default_mode": "auto"}

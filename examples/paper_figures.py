@@ -277,7 +277,7 @@ def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: fl
 
     References
     ----------
-    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) section V; docs/robustness.md.
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) section V; docs/search_robustness.md.
     """
     side = positive("reach", reach) * np.linspace(-1.0, 1.0, PIXELS)
     r, v = finite("position", position), finite("velocity", velocity)

@@ -384,7 +384,10 @@ def test_invalid_input_is_reported_in_one_line():
         (lambda: elements_from_inertial([7e6, 0, 0, 0, 12e3, 0]), "must be an ellipse"),
         (lambda: elements_from_inertial([7e6, 0, 0, 1e3, 0, 0]), "must span an orbital plane"),
         (lambda: inertial_from_elements([7e6, 0, 1.0, 0, 1, 0]), "elements: the orbit must be an ellipse"),
-        (lambda: roe_from_elements([7e6, 0, 0, 0, 1e-7, 0], [7e6, 0, 0, 0, 1, 0]), "chief: inclination 0"),
+        (
+            lambda: roe_from_elements([7e6, 0, 0, 0, 1e-7, 0], [7e6, 0, 0, 0, 1, 0]),
+            "chief: orbits of inclination 0",
+        ),
         (lambda: elements_from_roe([7e6, 0, 0, 0, 1, 0], [-1, 0, 0, 0, 0, 0]), "roe: the orbit must be"),
         (
             lambda: relative_from_inertial(STATE, STATE, "curved"),

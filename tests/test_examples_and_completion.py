@@ -36,7 +36,7 @@ def test_example_does_not_replace_a_file(tmp_path: Path, capsys: pytest.CaptureF
     assert capsys.readouterr().out.splitlines()[-1] == "Run it with: closeform run swap.toml"
     (tmp_path / "swap.toml").write_text("mine")
     assert main(["new", "swap"]) == 2
-    assert capsys.readouterr().err == "swap.toml: exists already and is not overwritten; move it away\n"
+    assert capsys.readouterr().err == "swap.toml: already exists and is not overwritten; move or rename it\n"
     assert (tmp_path / "swap.toml").read_text() == "mine"
 
 

@@ -1,6 +1,6 @@
 """Model error of Hill's equations against two-body motion.
 
-The figures are those of docs/validity.md.
+The figures are those of docs/models.md.
 """
 
 import numpy as np

@@ -349,7 +349,7 @@ def test_cone_wider_than_a_hemisphere():
 def test_invalid_input():
     for arguments, message in [
         ({"low": DRAWN}, "low: component 0 of 1000 is above 1 of high; exchange them"),
-        ({"low": np.zeros(6), "high": np.zeros(6)}, "high: the box is the origin alone"),
+        ({"low": np.zeros(6), "high": np.zeros(6)}, "high: the box contains only the origin"),
         ({"pointing_error": -0.1}, "pointing_error: must be finite and at least 0, got -0.1"),
         ({"rate_error": 1.0}, "rate_error: must be below 1, got 1"),
         ({"slew_acceleration": 0.0}, "slew_acceleration: must be positive, got 0"),

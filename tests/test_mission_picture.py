@@ -105,7 +105,7 @@ def test_plotted_ratio_is_that_of_the_closest_pair(picture, stages):
     [
         ({"stages": []}, "stages: give at least one path"),
         ({"stages": [1, 0]}, "stages: 2 begins at 0 s, before 1 has ended"),
-        ({"locks": [(1.0, 0, 3)]}, "locks: there is no craft 3, of 3"),
+        ({"locks": [(1.0, 0, 3)]}, "locks: there is no craft 3 among 3"),
         ({"locks": [(1.0, 0)]}, r"locks: expected \(time, craft, craft\)"),
         ({"titles": ["one"]}, "titles: 1 titles for 3 stages"),
     ],

@@ -77,7 +77,7 @@ and tables. `closeform new NAME` copies an example as the start of a [scenario](
 TAIL = """
 ## Simulate a run
 
-Simulate the plan of `simulated_swap` a hundred times, with errors ([from claim to evidence](evidence.md)):
+Simulate the plan of `simulated_swap` a hundred times, with errors ([mission review](mission_review.md)):
 
 ```sh
 closeform simulate simulated_swap-results

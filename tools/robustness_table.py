@@ -1,4 +1,4 @@
-"""Compute the error tolerances of S04 in docs/robustness.md: largest errors without a lost pair in 10^7.
+"""Compute the table of docs/search_robustness.md: largest errors without a lost pair in 10^7.
 
     python tools/robustness_table.py --cases 10000000        # whole table and picture
     python tools/robustness_table.py pointing rate            # some rows

@@ -1,13 +1,12 @@
-"""Compiled kernels: the one decorator, and the folder where numba keeps what it has compiled.
+"""Compiled kernels: the one decorator, and the folder of numba's compiled code.
 
 A kernel with a signature is called from Python.  It is compiled for that signature when it is first
 called, and loaded from the user's cache afterwards.  A kernel without one is called by other
 kernels only.
 
-numba checks the file of a cached function, but not the files of the functions that it calls.  So
-each kernel has a folder of its own, named by a hash of all code and constants that it is made of:
-an edited kernel, or an edited part of it, has another folder.  Within the folder numba itself
-distinguishes its own versions and processors.
+numba checks the file of a cached function, but not the files of the functions that it calls.  Each kernel
+therefore has its own folder, named by a hash of all its code and constants: an edited kernel, or an edited
+part of it, has another folder.  Within the folder numba itself distinguishes its own versions and processors.
 """
 
 import gc
@@ -176,7 +175,7 @@ def compile_ahead(modules: Iterable[str], progress: Progress) -> int:
     Returns
     -------
     int
-        How many kernels were compiled.
+        Number of compiled kernels.
     """
     missing = [one for one in kernels_of(modules) if not one.is_cached]
     if not missing:

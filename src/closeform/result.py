@@ -95,7 +95,7 @@ class Rows(Result):
 
         References
         ----------
-        docs/python.md.
+        docs/results.md.
         """
         held = {keys: np.asarray(getattr(self, name)) for name, keys in self._named.items()}
         axes = min(values.ndim for values in held.values())

@@ -46,9 +46,9 @@ class CaseChunks(Protocol):
 class Cases(ABC):
     """Cases of one kind, determined by a scenario and a seed alone.
 
-    `failures`: the words for a case without each requirement, by its name. `unfinished`: the requirements
-    without which a case counts as never ended. `drawn`: columns that are not kept in memory, because seed and
-    case number reproduce them.
+    `failures`: the words for a case without each requirement, by its name. `unfinished`: requirements that a
+    case must meet to count as ended. `drawn`: columns that are not kept in memory, because seed and case
+    number reproduce them.
     """
 
     scenario: Scenario
@@ -61,7 +61,7 @@ class Cases(ABC):
     def chunk_size(self, count: int) -> int:
         """Return the number of cases in a chunk of a study of `count` cases.
 
-        A chunk is some tenths of a second of work, which is what an interrupted study loses.
+        A chunk takes some tenths of a second; this is the work that an interrupted study loses.
         """
 
     @property
@@ -147,7 +147,7 @@ class Tally:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Statistics(Result):
-    """Statistics of C cases of one `kind`, drawn with its seed, held by `chunks`.
+    """Statistics of C cases of one `kind`, sampled with its seed, stored in `chunks`.
 
     Counts and spreads are taken chunk after chunk, in memory that does not grow with the number of cases.
     Arrays (C,) are read on request: any `column`, and the cases in which each requirement is `met`.
@@ -168,7 +168,7 @@ class Statistics(Result):
 
     @property
     def seed(self) -> int:
-        """Seed with which the cases were drawn."""
+        """Seed of the random cases."""
         return int(self.kind.seed)
 
     @property
@@ -178,7 +178,7 @@ class Statistics(Result):
 
     @property
     def as_in_file(self) -> bool:
-        """True if the file's own seed draws the same cases."""
+        """True if the seed in the file produces the same cases."""
         study = self.scenario.study
         return study is not None and study.seed == self.seed
 

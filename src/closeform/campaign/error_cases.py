@@ -200,7 +200,7 @@ class PairCounts:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ErrorCampaign(Statistics):
-    """Statistics of C cases with sampled errors, drawn with `seed`.
+    """Statistics of C cases with errors sampled with `seed`.
 
     `counts`: "zone" and "body" to the counts of their pairs; a kind without pairs is absent.
     """

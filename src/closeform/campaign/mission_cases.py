@@ -350,7 +350,7 @@ class SimulationTally:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MissionCampaign(Statistics):
-    """Statistics of C cases of a mission, drawn with a seed.
+    """Statistics of C cases of a mission, sampled with a seed.
 
     Arrays (C,) are read on request: `column` of any name in the files of cases, of which `statuses` are
     "met", "unmet", "stopped" or "refused".

@@ -389,7 +389,7 @@ def shares(search: Search, counts: Sequence[int]) -> tuple[Share, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign(Statistics):
-    """Statistics of C cases of a search, drawn with its seed.
+    """Statistics of C cases of a search, sampled with its seed.
 
     Arrays (C,) are read on request. `time` [s] is when the case was done, nan if it never was. `leg` is that
     of `search`, -1 if it never was. `kept` has a mask for each clearance and limit of the file: "clear" of
@@ -529,13 +529,13 @@ class GatherCampaign(Campaign):
         phases = {number: share.label for number, share in enumerate(self.shares[:-1]) if share.cases}
         return self.each_spread(self.kind.costs(phases))
 
-    rounds = property(lambda self: self.column("rounds"), doc="Number of searches begun.")
+    rounds = property(lambda self: self.column("rounds"), doc="Number of searches started.")
     left = property(lambda self: self.column("left"), doc="Number of craft not in the formation set.")
     delta_v = property(lambda self: self.column("delta_v_m_s"), doc="Delta-v of all craft together [m/s].")
     met_unknown = property(lambda self: self.column("met_unknown"), doc="Conflicts of pairs without a lock.")
     met_known = property(lambda self: self.column("met_known"), doc="Conflicts of pairs after a lock.")
 
     def conflicts(self, column: str) -> tuple[int, int]:
-        """Return the cases with pairs in a keep-out zone, and the pairs, of `met_unknown` or `met_known`."""
+        """Return the numbers of cases and of pairs with a conflict: `met_unknown` or `met_known`."""
         cases, pairs = self.total(lambda part: np.array([(part[column] > 0).sum(), part[column].sum()]))
         return int(cases), int(pairs)

@@ -20,7 +20,7 @@ NAMED = 3  # number of points that a message lists
 
 @dataclass(frozen=True, eq=False)
 class SweepCases(Cases):
-    """`each` cases at each point of a sweep, of one kind per point, drawn with the same random numbers.
+    """`each` cases at each point of a sweep, of one kind per point, sampled with the same random numbers.
 
     Files have a column `point`, and number the `case` within it.
     """
@@ -110,7 +110,7 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepCampaign(Statistics):
-    """Statistics of a sweep, drawn with a seed, at its `points`; the last key varies fastest.
+    """Statistics of a sweep at its `points`, sampled with a seed; the last key varies fastest.
 
     Its `scenario` holds all values except the swept ones.
     """

@@ -292,7 +292,7 @@ def new(name: str | None = None, /) -> int:
         with open(file, "x", encoding="utf-8") as written:
             written.write(examples.text(name))
     except FileExistsError:
-        raise UsageError(f"{file}: exists already and is not overwritten; move it away") from None
+        raise UsageError(f"{file}: already exists and is not overwritten; move or rename it") from None
     except OSError as error:
         raise UsageError(f"{file}: {(error.strerror or str(error)).lower()}; choose another folder") from None
     verb = "study" if examples.studied(name) else "run"

@@ -129,7 +129,7 @@ def screen(
         searched while both have a path, and `Path.extended` lets all end together.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One zone is the own zone of every spacecraft, a sequence has one for each (None: no own zone).
-        Of two regions the larger holds, covariances and bodies add; `PairZones` defines the zone of
+        Of two regions the larger applies; covariances and bodies add; `PairZones` defines the zone of
         each pair. One region that is not symmetric is searched in both directions.
     errors : Uncertainty, sequence of these, or None, default None
         Independent errors of the spacecraft: one for all or one for each, in order (None: no error).

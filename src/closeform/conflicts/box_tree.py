@@ -127,7 +127,7 @@ def overlap(boxes, i, others, j):
 
 @kernel()
 def compare(chords, total, boxes, number, depth, nodes, one, two, codes, count):
-    """Append the pairs of two leaves that may meet; return the new count, and how many boxes overlap."""
+    """Append the pairs of two leaves that may meet; return the new count and the number of overlaps."""
     overlaps = 0
     for i in range(first_box(one, number, depth), first_box(one + 1, number, depth)):
         if not overlap(boxes, i, nodes, two):
@@ -160,8 +160,8 @@ def compare(chords, total, boxes, number, depth, nodes, one, two, codes, count):
 def meeting(tracks, k, craft, boxes, chords, nodes, waiting, state, most, codes):
     """Fill `codes` with pairs that may be within the unit ball in interval k, as i N + j with i < j.
 
-    Returns how many fit. `state` holds the number of nodes left in `waiting`, to continue with in another
-    call (-1 to begin), and the number of overlapping boxes; the search ends if that exceeds `most`.
+    Returns the number that fits. `state` holds the number of nodes left in `waiting`, to continue with in
+    another call (-1 to begin), and the number of overlapping boxes; the search ends if that exceeds `most`.
     """
     tracks, boxes, chords = borrowed(tracks), borrowed(boxes), borrowed(chords)
     nodes, codes = borrowed(nodes), borrowed(codes)

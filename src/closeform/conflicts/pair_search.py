@@ -196,10 +196,10 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, for
 def conflicts_from(meet, search, nearest, scene, first, second, pair, rows, done):
     """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` onward, as many as fit.
 
-    `meet(scene, one, two)` returns False for a pair that never comes near, and where its search begins.
+    `meet(scene, one, two)` returns False for a pair that is never close, and the start of its search.
     `search(scene, begin, k, rows, count)` appends its conflicts, and `nearest(scene, begin, row)` completes
-    one. Returns the number of rows; `done` receives the next pair, and how many rows that pair needs if they
-    do not fit.
+    one. Returns the number of rows; `done` receives the next pair, and the number of rows that it needs if
+    they do not fit.
     """
     count = 0
     for k in range(pair, len(first)):
@@ -219,7 +219,7 @@ def conflicts_from(meet, search, nearest, scene, first, second, pair, rows, done
 
 @kernel(inline=True)
 def meet_arcs(scene, one, two):
-    """Return False for paths of arcs that never come near, and the arcs and times from which to search."""
+    """Return False for paths of arcs that are never close, and the arcs and times of the search's start."""
     arcs, offsets, others, other_offsets, form, q, times, tracks, other_tracks, near = scene
     i, i_end, j, j_end = offsets[one], offsets[one + 1], other_offsets[two], other_offsets[two + 1]
     start = max(arcs[i, START], others[j, START])

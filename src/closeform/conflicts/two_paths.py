@@ -101,7 +101,7 @@ def check_comparable(path: Path, other: Path, zone: Zone) -> None:
         instance(name, one, Path)
     if isinstance(zone, PairZones | CovarianceZone | Body):
         raise ValueError(
-            "zone: expected that of the pair; from own zones use PairZones.of([one, other]).between(0, 1)"
+            "zone: expected the zone of the pair; from own zones use PairZones.of([one, other]).between(0, 1)"
         )
     instance("zone", zone, Zone)
     if path.orbit != other.orbit:
@@ -175,10 +175,10 @@ def find_conflicts(
     1e-5 of the sigmas.
 
     Method "sauter-palmer" finds when each coordinate enters and leaves the half-width of the zone, to 1e-9
-    radians of n t, with one search between two extremes of natural motion, or two peaks with thrust.
-    A drifting coordinate peaks near the extreme of its oscillation, and thrust can turn it twice in the
-    quarter of a period in which peaks are sought. Events between them are not detected: a short conflict is
-    missed, and one that is left for a short time goes on; `ratio`, the minimum of samples, may then exceed 1.
+    radians of n t, with one search between two extremes of natural motion, or two peaks with thrust. A
+    drifting coordinate peaks near the extreme of its oscillation, and thrust can turn it twice in the quarter
+    of a period in which peaks are sought. Events between them are not detected: a short conflict is missed,
+    and a short interruption of a conflict is ignored; `ratio`, the minimum of samples, may then exceed 1.
 
     References
     ----------
@@ -320,8 +320,8 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     Returns
     -------
     float or array of shape (...) [s]
-        Latest time, however long they coast: inf where their mean motions agree and no drift separates them;
-        -inf where they never come close radially.
+        Latest time, for coasts of any length: inf if the mean motions agree, so that no drift separates them;
+        -inf if they are never close radially.
 
     Raises
     ------
@@ -332,7 +332,7 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     Notes
     -----
     Drift separates them permanently once 3 n |d| t exceeds |l| + 2E + the zone's along-track extent,
-    with t from the later start.  They never come close where |2d| - E is above its radial extent.
+    with t from the later start.  They are never close if |2d| - E exceeds its radial extent.
 
     References
     ----------

@@ -33,7 +33,7 @@ SAMPLES, ZOOMS = 129, 6  # of a conflict, for its minimum norm
 
 
 def capacity(angle: float) -> int:
-    """Return how many spells a timeline over `angle` = n t has at most: one for each start of a search."""
+    """Return the maximum number of spells of a timeline over `angle` = n t: one per start of a search."""
     return ceil(2.0 * angle / pi) + 4
 
 
@@ -102,7 +102,7 @@ def crossing(kind, d, axis, line, low, high):
 
 @kernel()
 def seeds(d, axis, end, out):
-    """Fill in start, end and between them the extremes or peaks, half a period apart; return how many."""
+    """Fill in start, end and the extremes or peaks in between, half a period apart; return their number."""
     a = d[axis]
     thrust = a[2] != 0.0 or a[3] != 0.0 or a[6] != 0.0 or a[7] != 0.0
     extreme = atan2(a[5], a[4])
@@ -127,7 +127,7 @@ def seeds(d, axis, end, out):
 
 @kernel()
 def timeline(d, axis, end, spells):
-    """Fill in the spells of one axis within its tolerance, rows of `spells`; return how many."""
+    """Fill in the spells of one axis within its tolerance, rows of `spells`; return their number."""
     at = np.empty(len(spells))
     count = seeds(d, axis, end, at)
     found = 0
@@ -153,7 +153,7 @@ def timeline(d, axis, end, spells):
 
 @kernel()
 def overlap(a, count_a, b, count_b, out):
-    """Fill in the common spells of two timelines; return how many."""
+    """Fill in the common spells of two timelines; return their number."""
     i, j, found = 0, 0, 0
     while i < count_a and j < count_b:
         begin, end = max(a[i, 0], b[j, 0]), min(a[i, 1], b[j, 1])
@@ -184,7 +184,7 @@ def within_ellipsoid(d, begin, end):
 
 @kernel()
 def pair_conflicts(d, end, box, lines, both, spells):
-    """Fill in the spells in the zone of a motion `d` in units of its half-widths; return how many.
+    """Fill in the spells in the zone of a motion `d` in units of its half-widths; return their number.
 
     `lines` has room for a timeline of each axis, `both` and `spells` for three timelines.
     """
@@ -235,7 +235,7 @@ def distance_functions(arc, other, t, matrix):
 def conflicts_of_arcs(
     arc: Floats, other: Floats, start: float, end: float, box: bool, matrix: Floats, spells: Floats
 ) -> int:
-    """Fill in the conflicts (begin, end) of two arcs from `start` to `end`, in seconds; return how many."""
+    """Fill in the conflicts (begin, end) of two arcs from `start` to `end` [s]; return their number."""
     n = arc[MEAN_MOTION]
     d = distance_functions(arc, other, start, matrix)
     room = len(spells) // 3
@@ -281,7 +281,7 @@ def zero_crossings(path: Path, other: Path, zone: Zone) -> Floats:
 
 
 def arc_at(path: Path, time: float) -> Floats:
-    """Return the row of a path's arc that begins or goes on at a time."""
+    """Return the row of a path's arc that begins or continues at a time."""
     arc: Floats = path.arcs[np.searchsorted(path.arcs[:, START], time, side="right") - 1]
     return arc
 

@@ -148,9 +148,9 @@ def compensated_thrust(
 
     Notes
     -----
-    Executed exactly, in exactly this field, the command follows the planned paths up to rounding, because the
-    residual comes from the exact equations of relative motion. A command held for a few seconds, or an
-    inexact field, leaves a deviation (`validity` predicts it for the plan's thrust alone).
+    If it is executed exactly and in exactly this field, the command follows the planned paths up to rounding,
+    because the residual is that of the exact equations of relative motion. A command held for a few seconds,
+    or an inexact field, leaves a deviation (`validity` predicts it for the plan's thrust alone).
 
     References
     ----------

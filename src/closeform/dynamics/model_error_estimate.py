@@ -1,8 +1,8 @@
 """Estimate of the model error of Hill's equations around the Earth, where no field is given.
 
-The error of an uncorrected mission grows with the reach of the spacecraft and the strength of what is
-neglected: oblateness, eccentricity and curvature.  How it grows with time depends on the kind of mission.
-The numbers are quantiles of missions that tools/rule_of_thumb.py draws; see docs/theory.md (84).
+The error of an uncorrected mission grows with the reach of the spacecraft and the strength of the neglected
+effects: oblateness, eccentricity and curvature.  Its growth with time depends on the kind of mission. The
+numbers are quantiles of missions that tools/rule_of_thumb.py draws; see docs/theory.md (84).
 """
 
 from math import log2
@@ -63,6 +63,6 @@ def model_error(
 
 
 def strength(reach: Any, semi_major_axis: Any, eccentricity: Any) -> Any:
-    """Return the size of what Hill's equations neglect, relative to what they contain."""
+    """Return the size of the effects that Hill's equations neglect, relative to those that they contain."""
     oblateness = EARTH_J2 * (EARTH_RADIUS / semi_major_axis) ** 2
     return np.sqrt(oblateness**2 + (ECCENTRIC * eccentricity) ** 2 + (reach / semi_major_axis) ** 2)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit
 
 ALMOST_CIRCULAR = 1e-3  # eccentricity above which Hill's equations have a larger error than oblateness causes
-OFF_BY = 25.0  # m for each metre of separation, orbit and unit of eccentricity, at most: docs/validity.md
+OFF_BY = 25.0  # m for each metre of separation, orbit and unit of eccentricity, at most: docs/models.md
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +273,7 @@ class Chief:
 
         References
         ----------
-        docs/validity.md and docs/epochs.md.
+        docs/models.md and docs/epochs.md.
         """
         return inertial_from_relative(*self._beside(times, "relative", relative, along_track))
 
@@ -304,7 +304,7 @@ class Chief:
 
         References
         ----------
-        docs/validity.md and docs/epochs.md.
+        docs/models.md and docs/epochs.md.
         """
         return relative_from_inertial(*self._beside(times, "inertial", inertial, along_track))
 

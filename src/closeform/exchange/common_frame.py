@@ -140,7 +140,7 @@ class CommonFrame(Result):
 
         References
         ----------
-        docs/python.md.
+        docs/results.md.
         """
         many = len(self.times)
         states = zip(
@@ -200,7 +200,7 @@ def common_frame(
 
     References
     ----------
-    Kepler's third law; docs/ephemerides.md and docs/validity.md.
+    Kepler's third law; docs/ephemerides.md and docs/models.md.
     """
     spans = _spans(ephemerides)
     positive("mu", mu, " m^3/s^2")

@@ -164,7 +164,7 @@ def loss_of_thrust(path: Path, other: Path, zone: Zone, until: float) -> Any:
 
 
 def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
-    """Return True if no loss of thrust, at any instant, leads into the zone.
+    """Return True if no loss of thrust, at any instant, causes an entry into the zone.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def passively_safe(path: Path, other: Path, zone: Zone, until: float) -> bool:
     Returns
     -------
     bool
-        True if no loss leads into the zone, which is certified. False if one does, or leads so close to its
-        surface that rounding decides.
+        True if no loss of thrust causes an entry into the zone; certified. False if one does, or leads so
+        close to its surface that rounding decides.
     """
     return bool(loss_of_thrust(path, other, zone, until).verdict == core().functions.CFF_SAFE)

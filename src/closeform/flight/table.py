@@ -30,7 +30,7 @@ def arrays_of(chief: Any) -> tuple[list[Any], list[Any]]:
 def chief_of(orbit: Any, span: float = 0.0) -> Any:
     """Return the `cff_table_t *` of an orbit.
 
-    On a circular orbit and in deep space it is NULL, which stands for Hill's equations. With a span [s] of
+    For a circular orbit and deep space it is NULL, which selects Hill's equations. With a span [s] of
     motion above 0 it is the table that the flight core makes for that motion.
     """
     types, functions = core()

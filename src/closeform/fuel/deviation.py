@@ -1,6 +1,6 @@
 """Bound on the deviation from a plan when chunks are fired as pulses, without a simulation.
 
-With e the thrust fired less the thrust planned, and F its second integral over time, exactly
+With e the fired minus the planned thrust, and F its second integral over time, exactly
 
     dr(t) = F(t) + integral of K(t, s) F(s) ds                                        # theory (40)
 
@@ -85,8 +85,8 @@ def _greatest(chunks: Chunks, width: Floats, whole: Floats) -> Floats:
     """Return the largest F (K,) [m] of pulses of `width` (K,) [s], given its integral `whole` (K,) [m s].
 
     For an impulse it is q w / 8. Otherwise it is at most q times half the mean deviation of the chunk from
-    its centroid, which is below half its standard deviation, and below that of a chunk at its two ends. As
-    F'' is at most the thrust, an F with a high peak is wide, theory (43).
+    its centroid, which is below half its standard deviation, and below that of a chunk at its two ends. F''
+    is at most the thrust, so a high peak of F is also wide: theory (43).
     """
     q, lasts = chunks.impulse, np.isfinite(chunks.peak)
     before, after = chunks.centroid - chunks.start, chunks.end - chunks.centroid

@@ -110,7 +110,7 @@ def fire_thrusters(
     ----------
     plan : Path or Plan
         The plan to realise: the path of one spacecraft, a batch of shape (N,), or a plan with paths.  A plan
-        of one spacecraft counts as its path.
+        of one spacecraft is treated as its path.
     thrusters : Thrusters or sequence of Thrusters
         Thrusters with acceleration, and with a period for continuous thrust; one set for all spacecraft, or
         one for each.

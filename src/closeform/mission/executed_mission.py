@@ -1,8 +1,8 @@
 """Execution of one case with its sampled errors, process noise and losses of thrust.
 
-A random number belongs to a seed, a craft's name, a case and an event. Process noise is sampled on a common
-time grid, so that it does not depend on the length of the mission, its division into stages, or the step.
-A craft that loses its thrust drifts, while the others follow their plan.
+A random number depends only on a seed, a craft's name, a case and an event. Process noise is sampled on a
+common time grid, so that it does not depend on the length of the mission, its division into stages, or the
+step. A craft that loses its thrust drifts, while the others follow their plan.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ def plan_mission(
 
     `progress` is called with a text at the start of each part of the work.  A manoeuvre without a clear path,
     or a search that leaves spacecraft lost, ends the mission; `stopped` of the Mission then holds the reason.
-    With `predicted`, each stage carries the `validity` of its plan in the high-fidelity model of the
-    scenario, if it has one.  Raises ScenarioError for values that a stage rejects.
+    With `predicted`, each stage has the `validity` of its plan in the high-fidelity model of the scenario, if
+    there is one.  Raises ScenarioError for values that a stage rejects.
     """
     return as_happened(staged(scenario, progress, predicted), progress, predicted)
 

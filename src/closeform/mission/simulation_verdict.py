@@ -86,7 +86,7 @@ class Entered:
 
     @property
     def zones(self) -> str:
-        """Text that states in how many flights zones are entered."""
+        """Text that states the number of flights in which zones are entered."""
         if self.least is None:
             return f"{self.many}, without zones"
         found = (

@@ -297,7 +297,7 @@ class Arrival:
 
     @cached_property
     def cheapest(self) -> "Arrival":
-        """Arrival at the phase of lowest cost, to 0.01 deg; only `clear` phases count, if there are any."""
+        """Arrival at the phase of lowest cost, to 0.01 deg, among the `clear` phases if there are any."""
         if self.asked.is_open and not self.target.is_open:
             return self
         shape, start = self.asked.at_phase(0.0).shape, self.start

@@ -403,7 +403,7 @@ def raised(number: float, digits: int = 4) -> str:
 
 
 def conflicts_of(conflicts: int, pairs: int) -> str:
-    """Return text with the number of conflicts, and the number of pairs unless there is one conflict."""
+    """Return the number of conflicts as text, with the number of pairs if there is more than one conflict."""
     of = f" of {pairs} pair{'s' * (pairs != 1)}" if conflicts != 1 else ""
     return f"{conflicts} conflict{'s' * (conflicts != 1)}{of}"
 

@@ -171,7 +171,7 @@ def bounds(q, order, n, h):
 
 @kernel()
 def taylor_step(axes, q, order, n, longest, target, inside):
-    """Return how long a part that is round over the first `axes` provably stays on its side of `target`."""
+    """Return the time that a part, round over the first `axes`, provably stays on its side of `target`."""
     c = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)
     factorial = 1.0
     d = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)

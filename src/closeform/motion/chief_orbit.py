@@ -60,7 +60,7 @@ class ChiefOrbit(ReferenceOrbit):
 
     @property
     def mean_motion(self) -> float:
-        """Not defined: the features that ask for it hold for Hill's equations only."""
+        """Not defined: the features that use it are valid in Hill's equations only."""
         self._refuse("this feature")
 
     def _refuse(self, feature: str) -> NoReturn:
@@ -297,7 +297,7 @@ class ChiefOrbit(ReferenceOrbit):
         return np.asarray(found)
 
     def _skew(self, time: float) -> Floats:
-        """Return W (3, 3), as `Table.skew`, at any time: carried there from the beginning of its window."""
+        """Return W (3, 3), as `Table.skew`, at any time, propagated from the beginning of its window."""
         table, angle = self.chief.table, self._angle(time)
         passed = table.turn * np.floor((angle - table.joints[0]) / table.turn) if table.turn else 0.0
         k = min(int(np.searchsorted(table.joints, angle - passed, side="right")), len(table.joints) - 1) - 1

@@ -302,7 +302,7 @@ class Orbit(ReferenceOrbit):
         perigee_altitude : float [m], optional
             Altitude of perigee above the body's surface.
         argument_of_perigee : float [rad], default 0
-            Angle from the ascending node to perigee; at eccentricity 0 to where anomalies begin.
+            Angle from the ascending node to perigee; at eccentricity 0, to the origin of anomalies.
         true_anomaly : float [rad], default 0
             The chief's true anomaly at time 0.
         span : float [s], default one day
@@ -329,7 +329,7 @@ class Orbit(ReferenceOrbit):
 
         References
         ----------
-        docs/theory.md (80); docs/models.md.
+        docs/theory.md (80); docs/eccentric_chief.md.
 
         Examples
         --------
@@ -387,7 +387,7 @@ class Orbit(ReferenceOrbit):
 
         References
         ----------
-        docs/models.md.
+        docs/eccentric_chief.md.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Paths that spacecraft can take in the rotating frame of any chief, from what its orbit knows of motion."""
+"""Paths of spacecraft in the rotating frame of any chief, built on the motion that its orbit defines."""
 
 from __future__ import annotations
 
@@ -152,8 +152,8 @@ class ReferenceOrbit(ABC):
 
         Notes
         -----
-        At times when an initial velocity has no effect along some direction, as after half an orbit, either
-        many coasts reach a position or none does. Of many, the result minimises the sum of both impulses
+        At times when an initial velocity has no effect along some direction, such as after half an orbit,
+        either many coasts or none reach a position. Of many, the result minimises the sum of both impulses
         squared.
 
         References

@@ -96,7 +96,7 @@ def avoid(
     errors : Uncertainty or None, default None
         Uncertainty of the craft from the path's start.  No error within `sigmas` standard deviations causes a
         conflict.  Execution errors are those of the planned path.  With `drift` they count until the path's
-        end; free drifts after a loss of thrust keep the zones alone.  Cannot be combined with `prove` or
+        end; free drifts after a loss of thrust keep only the zones clear.  Cannot be combined with `prove` or
         "sauter-palmer".
     other_errors : Uncertainty, sequence of these, or None, default None
         Independent uncertainty of the obstacles: one for all, or one for each.

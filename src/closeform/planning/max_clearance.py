@@ -131,10 +131,10 @@ def max_clearance(
 
     Notes
     -----
-    The minimum cost rises with the size of the zones at the rate given by a plan's `prices`, and jumps
-    where a passing side is closed.  Newton's method on the square root of the cost of clearance meets the
-    budget in a few plans; where it fails, the bracket is halved, which also converges to a jump.  Plans are
-    the best found, so a larger zone may be affordable where a cheaper plan exists.
+    The minimum cost rises with the size of the zones at the rate given by a plan's `prices`, and jumps where
+    a passing side is closed.  Newton's method on the square root of the cost of clearance meets the budget in
+    a few plans; where it fails, the bracket is halved, which also converges to a jump.  Plans are the best
+    found, so a larger zone may be affordable if a plan of lower cost exists.
 
     References
     ----------
@@ -200,7 +200,7 @@ class SigmaCounts(Sizes):
 
 
 def next_factor(factor: float, plan: Plan, rise: float, limit: float, low: float, high: float) -> float:
-    """Return the Newton step to where the budget is spent, or the midpoint where that leaves the bracket.
+    """Return Newton's step towards a spent budget, or the midpoint if that step leaves the bracket.
 
     With one contact the cost of clearance is quadratic, so its root is nearly straight.  `rise` is the slope
     of the cost.

@@ -110,8 +110,8 @@ def reconfigure(
     errors : Uncertainty, sequence of these, or None, default None
         Uncertainty of all, or of each spacecraft followed by each obstacle, independent, from the start of
         its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  With `drift`
-        they count until the last arrival; free drifts after a loss of thrust keep the zones alone.  Requires
-        method "joint", without `prove`.
+        they count until the last arrival; free drifts after a loss of thrust keep only the zones clear.
+        Requires method "joint", without `prove`.
     sigmas : float, no unit, default 3
         Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0

@@ -270,7 +270,7 @@ class Request:
                     kind = type(one).__name__
                     raise ValueError(
                         f"requirements: at minimum energy a spacecraft always thrusts, which {kind} may not "
-                        "allow; set cost 'delta-v', or omit it"
+                        "allow; set cost 'delta-v', or omit this requirement"
                     )
             unsupported = {
                 "drift": self.drift is not None,
@@ -280,7 +280,7 @@ class Request:
             for name, given in unsupported.items():
                 if given:
                     raise ValueError(
-                        f"{name}: with requirements it requires cost 'delta-v'; set it, or omit one"
+                        f"{name}: cannot be combined with requirements at minimum energy; set cost 'delta-v'"
                     )
         if self.proof_time and self.cost == "delta-v" and self.limits is not None:
             raise ValueError("prove: cannot be combined with max_acceleration and cost 'delta-v'; omit one")
@@ -361,7 +361,7 @@ class Request:
             craft, slots = linear_sum_assignment(costs)
         except ValueError:
             raise ValueError(
-                "thrusters: they cannot bring every craft to a slot of its own; give other slots or thrusters"
+                "thrusters: cannot bring every craft to its own slot; give other slots or thrusters"
             ) from None
         return slots, float(costs[craft, slots].sum())
 

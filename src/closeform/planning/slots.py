@@ -1,4 +1,4 @@
-"""Slot assignment: the one of minimum unconstrained cost, revised if avoidance makes another one cheaper."""
+"""Slot assignment: that of minimum unconstrained cost, revised if avoidance makes another one cheaper."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -1,4 +1,4 @@
-"""Violations of zones and requirements that keep paths from being a plan: by how much and when."""
+"""Violations of zones and requirements that keep paths from being a plan: their sizes and times."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

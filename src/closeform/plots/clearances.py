@@ -330,7 +330,7 @@ def drift_ratios(
     labels : sequence of str, optional
         Label of each pair.
     before : tuple of (Path, Path, Zone), optional
-        Pair on its direct paths, without passive safety, and its zone; drawn dashed.
+        Pair on its direct paths, without passive safety, and its zone; dashed.
     """
     fail, fly = crafts("path", path), crafts("other", other)
     zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)

@@ -256,7 +256,7 @@ def tint(colour: str, share: float) -> tuple[float, float, float, float]:
 
 
 class ThreeViews:
-    """Figure with its three views and time strip; `show` draws what moves at a time."""
+    """Figure with its three views and time strip; `show` draws the moving parts at a time."""
 
     def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
         count = len(gathering.groups)

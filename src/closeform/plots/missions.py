@@ -154,7 +154,7 @@ def locks_given(locks: Any, count: int) -> list[Lock]:
         time = number("locks", lock[0])
         one, other = (whole("locks", craft, 0) for craft in lock[1:])
         if max(one, other) >= count:
-            raise ValueError(f"locks: there is no craft {max(one, other)}, of {count}")
+            raise ValueError(f"locks: there is no craft {max(one, other)} among {count}")
         found.append((time, one, other))
     return found
 

@@ -162,7 +162,7 @@ def closest_pair(
 
 
 def carries(paths: Path, count: int, one: int, other: int) -> bool:
-    """Return True if spacecraft `one` should carry the zone: it is the obstacle, or moves less."""
+    """Return True if the zone is drawn at spacecraft `one`: it is the obstacle, or moves less."""
     if (one >= count) != (other >= count):
         return one >= count
     return stays_rather(paths[one], paths[other])
@@ -239,7 +239,7 @@ def formation_paths(
 
 
 def formation_story(stages: list[Pairs], count: int, called: list[str]) -> str:
-    """Return the headline: how many pairs are in conflict, at one or two stages."""
+    """Return the headline: the number of pairs in conflict, at one or two stages."""
     craft, two = f"{count} craft", len(stages) > 1
     if not stages[0].total:
         return f"{craft}: {'paths before and after' if two else 'all paths'}"

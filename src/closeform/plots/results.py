@@ -186,7 +186,7 @@ def _plan(result: Any) -> Paths:
 
 def _max_clearance(result: Any) -> Paths:
     if result.plan is None:
-        raise ValueError(f"result: without a plan, {result.reason}")
+        raise ValueError(f"result: has no plan, {result.reason}")
     return FLYING[type(result.plan).__name__](result.plan)
 
 

@@ -45,7 +45,7 @@ def in_plane_search(search: Search) -> Figure:
     """
     leg = instance("search", search, Search).legs[0]
     if leg.phase != "IPS":
-        raise ValueError(f"search: it begins with {leg.phase}, not with an in-plane search")
+        raise ValueError(f"search: begins with {leg.phase}, not with an in-plane search")
     figure = sheet(5.5)
     axes = figure.subplots()
     space.bare(axes, (0.1, -0.33), 6.9, 3.3)

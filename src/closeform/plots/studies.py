@@ -92,7 +92,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
 def histogram(
     times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
 ) -> Figure:
-    """Plot how many pairs lock in each bin of a search: S04 figure 7.
+    """Plot the number of pairs that lock in each bin of a search: S04 figure 7.
 
     Pairs that lock at once (time 0) are counted in the headline but not in the bars, as in S04. The count has
     a logarithmic axis. The curve is the cumulative fraction of all pairs, on the right axis. Bands are the

@@ -78,8 +78,8 @@ class Table:
     def places(self) -> list[int]:
         """Indices of the columns that are shown.
 
-        A column without a heading is not shown, nor is one without a value in any row, unless its `absent`
-        says what that means.
+        A column without a heading is not shown, nor is a column without any value, unless its `absent` states
+        the meaning.
         """
         found = []
         for k, column in enumerate(self.columns):

@@ -92,8 +92,8 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
     """Return the source of an export. Raises ValueError for a chief or names that do not fit."""
     if isinstance(result.orbit, ChiefOrbit) and (isinstance(result, Path) or chief is not None):
         raise ValueError(
-            f"result: about {result.orbit.chief} the run of a scenario is exported, with its own chief, not "
-            "paths; write a scenario, or read Path.state"
+            f"result: about {result.orbit.chief} only the run of a scenario can be exported, without another "
+            "chief; write a scenario, or read Path.state"
         )
     if isinstance(result, Path):
         return checked(of_paths(result, chief, names))

@@ -255,7 +255,7 @@ def drifts_clear(table, errors, y, wrong, k, turns, begins, when, others, until,
     )
 )
 def loss_is_safe(table, errors, returns, return_errors, segs, jumps, others, until, form, spent):
-    """Return True if no loss of thrust along the segments of one path leads into the zone around another.
+    """Return True if no loss of thrust along the segments of one path violates the zone around another.
 
     `jumps` (S, 3) are the impulses at the beginnings of segments over n; `until` is an angle.
     """

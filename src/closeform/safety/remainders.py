@@ -120,7 +120,7 @@ def growth(n, t):
 
 @kernel()
 def stuck_remainder(n, m, u, h, held, longest, span):
-    """Return bounds on how far a stuck-on-thrust path deviates from that of its cell's twelve points.
+    """Return bounds on the deviation of a stuck-on-thrust path from that of its cell's twelve points.
 
     The deviation is h^4/384 |d^4 r/ds^4| + 2 span^3/81 (|d^3 r/dd^3| + h/4 |d^4 r/ds dd^3|) for instants h
     apart and a range `span` of durations up to `longest`: parts that grow with Phi_rr and Phi_rv, and a

@@ -299,7 +299,7 @@ def project(room, window, ax, ay, az, lean):
 
 @kernel()
 def pair_step(gap, rate, bend, b, c, window, sine, cosine, wanted):
-    """Return how long one motion provably stays above a plane, as a parabola or a drifting oscillation.
+    """Return the time that one motion provably stays above a plane, as a parabola or drifting oscillation.
 
     `sine` (over n) and `cosine` are those of the time since the window's start.
     """
@@ -333,7 +333,7 @@ def least_after(room, window, h):
 
 @kernel()
 def plane_step(room, window, level, local, wanted):
-    """Return how long the whole set provably stays above a plane whose terms have been filled."""
+    """Return the time for which the whole set provably stays above a plane whose terms have been filled."""
     rest, slower, bends, h = 0.0, 0.0, 0.0, inf
     sine, versed, _ = oscillation(window.n, local)
     cosine = 1.0 - window.n * window.n * versed
@@ -358,9 +358,9 @@ def plane_step(room, window, level, local, wanted):
 
 @kernel()
 def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
-    """Return how long the best plane separates, of a norm's parts and of their mix, and the gap.
+    """Return the time for which the best plane of a norm's parts and of their mix separates, and the gap.
 
-    The direction `away` must not lead back through the plane.
+    The direction `away` must not point back through the plane.
     """
     shape, _, faces = form
     longest, gap, parts = 0.0, -inf, part_count(shape, faces)

@@ -189,7 +189,7 @@ class ThrusterTable(Table):
     @model_validator(mode="before")
     @classmethod
     def by_name(cls, value: Any) -> Any:
-        """Return the table that a name stands for; return other values unchanged."""
+        """Return the table that a name represents; return other values unchanged."""
         if isinstance(value, str):
             if value != "rtn":
                 raise ValueError(f'{shown(value)} is not known here; use "rtn" or a table with directions')

@@ -376,7 +376,7 @@ def beside(chief: "Chief", model: Model, radius: float, stages: Sequence[Any]) -
     if model == "kepler":
         return Orbit.eccentric(e, **shape)
     if chief.center.upper() != "EARTH":
-        raise ValueError(f'model = "j2" is that of the Earth, not of {chief.center}; write model = "kepler"')
+        raise ValueError(f'model = "j2" supports only the Earth, not {chief.center}; write model = "kepler"')
     period = 2.0 * pi * sqrt(a**3 / chief.mu)
     times = [{key: one.on(period) for key, one in stage.durations.items()} for stage in stages]
     moves = sum(time for each in times for key, time in each.items() if key != "drift")

@@ -1,8 +1,8 @@
 """Reader of quantities with units, such as "500 km", as numbers in SI units and radians.
 
 Units combine with `/` and powers: "7.5 km/s", "398600.4415 km^3/s^2", "0.25 deg/s". A vector is several
-numbers and one unit: "20 40 20 m". Two words are a product: "5 mN s". Every error message is one line:
-what is wrong; remedy.
+numbers and one unit: "20 40 20 m". Two words are a product: "5 mN s". Every error message is one line: the
+mistake; the remedy.
 """
 
 import json
@@ -247,7 +247,7 @@ class Parts(KeyReader):
 
 @dataclass(frozen=True)
 class Either(KeyReader):
-    """Reader of a `word`, which stands for a value, or else of a quantity."""
+    """Reader of a `word` that represents a value, or else of a quantity."""
 
     word: str
     value: Any

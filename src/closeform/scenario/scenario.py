@@ -126,7 +126,7 @@ class Scenario:
 
     @property
     def truth(self) -> "Scenario":
-        """Scenario to simulate: for a case, with the drawn values that are unknown to its plans."""
+        """Scenario to simulate: for a case, with the sampled values that are unknown to its plans."""
         return self.drawn_flight or self
 
     @property

@@ -47,7 +47,7 @@ def view(boresight, other_boresight, place, sensors):
 
 @kernel()
 def outage(craft, t):
-    """Return whether a craft has an outage at time t, and when one begins or ends next."""
+    """Return whether a craft has an outage at time t, and the time of its next change."""
     out, change = False, inf
     for k in range(OUTAGES, len(craft), 2):
         if craft[k] <= t < craft[k + 1]:

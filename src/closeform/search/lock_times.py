@@ -64,8 +64,9 @@ def lock_times(
         Detect locks only at multiples of this time, as a simulation with time steps does. It finds a lock up
         to a step late, and misses one that begins and ends between two steps. Default: at any time.
     bearing : bool, default False
-        True if hemisphere antennas tell on which side of body x-y the other craft of a pair is. The pair then
-        takes the groups whose boresights begin towards each other: the second is in A if it is behind.
+        True if hemisphere antennas determine the side of body x-y on which the other craft of a pair is. The
+        pair then takes the groups whose boresights begin towards each other: the second is in A if it is
+        behind.
 
     Returns
     -------
@@ -80,9 +81,9 @@ def lock_times(
 
     Notes
     -----
-    Certified without `step`: no lock is stepped over, however short; a margin below 1e-12 of the distance
-    counts as a lock. Times are accurate to 1e-6 s if the margin changes faster than 1e-6 per second. All
-    cores are used.
+    Certified without `step`: no lock is missed, however short. A margin below 1e-12 of the distance counts as
+    a lock. Times are accurate to 1e-6 s if the margin changes faster than 1e-6 per second. All cores are
+    used.
 
     References
     ----------

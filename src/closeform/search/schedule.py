@@ -1,4 +1,4 @@
-"""Search schedule: synchronized turns by which lost craft look for each other.
+"""Search schedule: synchronised turns by which lost craft search for each other.
 
 The sun is along -z. Group A starts with its boresight along +x, body x towards the sun and body y along
 +y; group B looks in the opposite direction. Both make the same turns in space, so that the boresights stay

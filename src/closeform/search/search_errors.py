@@ -129,7 +129,7 @@ def craft_rows(
     asked: str,
     some: Any = ...,
 ) -> Floats:
-    """Return the kernels' rows (..., 10 + 2 K) of `some` craft of a shape; B (`second`) is in axes of A.
+    """Return the kernels' rows (..., 10 + 2 K) of `some` craft of a shape; B (`second`) uses the axes of A.
 
     `EXACT` is 1 for a craft without errors. Raises ValueError for errors of another shape, which `asked`
     describes, or that leave no cone.

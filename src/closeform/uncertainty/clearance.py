@@ -82,7 +82,7 @@ def clearance_in_sigmas(
     -----
     k sigmas are all errors xi, of any kind, with |xi| <= k. In m dimensions a sample lies outside with the
     probability that chi squared of m exceeds k^2, which bounds the collision probability; that is usually far
-    smaller. More than 1e4 sigmas count as inf.
+    smaller. A result above 1e4 sigmas is inf.
 
     Covariances may be singular, for errors along a line or in a plane; these take about a millisecond per
     instant. A deviation across a line or a plane below 6e-8 of the size of the errors counts as zero. If k

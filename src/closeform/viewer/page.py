@@ -32,7 +32,7 @@ def write(shown: Shown, folder: Folder, pictures: Sequence[Shot] = (), name: str
 
 
 def of_mission(mission: Mission) -> str:
-    """Return the page of a mission whose pictures are not drawn."""
+    """Return the page of a mission without its pictures."""
     return document(scene_of(Shown.of_mission(mission)))
 
 

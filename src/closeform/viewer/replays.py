@@ -92,7 +92,7 @@ def write_mission(mission: Mission, name: str, folder: Folder) -> None:
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario with the seed of its drawn cases."""
+    """Return the scenario with the seed of its sampled cases."""
     assert scenario.study is not None
     return replace(scenario, study=scenario.study.model_copy(update={"seed": seed}))
 

@@ -159,7 +159,7 @@ def time_to_level(gap, rate, curvature):
 
 @kernel()
 def outside_flat(x, v, a, target):
-    """Return how long |x| provably stays above the target; 0 where it is not above."""
+    """Return the time for which |x| provably stays above the target; 0 if it is not above."""
     if x > target:
         return time_to_level(x - target, v, a)
     if -x > target:
@@ -196,7 +196,7 @@ def outside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
 
 @kernel(inline=True)
 def outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, target):
-    """Return how long the norm provably stays above the target: the longest of the parts above it.
+    """Return the time for which the norm provably stays above the target: the longest of the parts above it.
 
     ax, ay, az bound the acceleration along each axis, `a` its length; theory (10).
     """
@@ -209,13 +209,13 @@ def outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, target):
 
 @kernel()
 def inside_flat(x, v, a, target):
-    """Return how long |x| provably stays below the target."""
+    """Return the time for which |x| provably stays below the target."""
     return min(time_to_level(target - x, -v, a), time_to_level(target + x, v, a))
 
 
 @kernel()
 def inside_round(x, y, z, vx, vy, vz, a, speed, target):
-    """Return how long a Euclidean length provably stays below the target, by its square."""
+    """Return the time for which a Euclidean length provably stays below the target, by its square."""
     gap = target * target - (x * x + y * y + z * z)
     return time_to_level(gap, -2.0 * (x * vx + y * vy + z * vz), 2.0 * (speed * speed + target * a))
 
@@ -244,7 +244,7 @@ def inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
 
 @kernel(inline=True)
 def inside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
-    """Return how long the norm provably stays below the target: the shortest of the parts.
+    """Return the time for which the norm provably stays below the target: the shortest of the parts.
 
     Bounds on the acceleration are as for `outside_step`; `speed` bounds the speed.
     """

@@ -1,7 +1,7 @@
 """Certified search of pairs about any chief, window by window of its table.
 
 Two segments in one window differ by one polynomial (see `motion.chief.segments`), whose signs decide
-(`sign_changes`).  Angles of the table's clock stand for times until a conflict is complete.
+(`sign_changes`).  Times are angles of the table's clock until a conflict is complete.
 """
 
 from math import inf, nan
@@ -38,7 +38,7 @@ SAME = 1e-12  # [rad]: conflicts that follow each other so soon are one
 
 @kernel()
 def subtract(a, b, z):
-    """Fill `z` (15,) with the columns of a less those of b; return how many of them are not all zero."""
+    """Fill `z` (15,) with the columns of a minus those of b; return the number of nonzero columns."""
     count = COSTATE
     for j in range(COLUMNS):
         z[j] = a[COLUMN + j] - b[COLUMN + j]
@@ -205,7 +205,7 @@ def instant(clock, s, first, last, start, end):
 
 @kernel(inline=True)
 def meet_segments(scene, one, two):
-    """Return False for a pair that never comes near, and the segments and angles from which to search."""
+    """Return False for a pair that is never close, and the segments and angles at which the search begins."""
     _, _, segs, firsts, others, other_firsts, _, angles, tracks, other_tracks, near, _, _, _ = scene
     i, i_end, j, j_end = firsts[one], firsts[one + 1], other_firsts[two], other_firsts[two + 1]
     start, end = common(segs, i, i_end, others, j, j_end)

@@ -112,7 +112,7 @@ def height(shape, faces, part, c, off, u):
 def root(shape, faces, part, c, off, low, high, first, rising):
     """Return the only root of a part in [low, high], by Newton's method in a bracket from `first` onward.
 
-    It ends where steps no longer become shorter: there they are rounding.
+    It ends when steps no longer become shorter, because they then consist of rounding.
     """
     u, last = min(max(first, low), high), 1.0
     for _ in range(60):
@@ -234,7 +234,7 @@ def excluded(shape, faces, c, off, f):
 
 @kernel()
 def window_changes(shape, faces, c, off, stack, ends, places, outs):
-    """Fill in the changes of all parts in order; return their number, and how many parts are out at 0."""
+    """Fill in the changes of all parts in order; return their number and that of parts outside at 0."""
     number, out = 0, 0
     for part in range(part_number(shape, faces)):
         number, holds = mark_changes(shape, faces, part, c, off, stack, ends, number, places, outs)

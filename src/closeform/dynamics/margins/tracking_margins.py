@@ -211,8 +211,8 @@ def tracking_margins(
                 )
             if stages is not None and None in stages.sets:
                 raise Infeasible(
-                    f"thrusters: craft {k}: margins of pulses and of free thrust, one after the other, are "
-                    "not known; give thrusters in all stages, or a margin in metres"
+                    f"thrusters: craft {k}: margins of pulses before or after free thrust are not "
+                    "supported; give thrusters in all stages, or a margin in metres"
                 )
         if not cancel or least > 0.0:
             raise ValueError("thrusters: cannot be combined with minimum_bit or cancel=False; remove these")

@@ -118,7 +118,7 @@ def _inside(spans: Floats, times: Floats) -> Any:
 
 
 class TimeGrid(NamedTuple):
-    """K steps, and what happens at the K + 1 nodes between them; an index is -1 where nothing happens."""
+    """K steps, and the events at the K + 1 nodes between them; an index is -1 if there is no event."""
 
     times: Floats  # (2 K + 1,) [s], half steps
     measurements: Any  # (K + 1,) index of a measurement
@@ -423,7 +423,7 @@ def impulse_until(pulses: Pulses, time: float) -> float:
 
 
 class ErrorEvents(NamedTuple):
-    """Burns and impulses of N spacecraft in K steps, each with an error of its own.
+    """Burns and impulses of N spacecraft in K steps, each with an independent error.
 
     `planned` (N, K) and `feedback` (K,) are the indices of the planned and the feedback thrust in a step, and
     `impulses` (K + 1,) those of impulses; -1 for none. `counts` are the numbers of the three kinds.
@@ -523,7 +523,7 @@ class Commands:
 
     @property
     def events(self) -> ErrorEvents:
-        """Burns and impulses that have errors of their own."""
+        """Burns and impulses with independent errors."""
         grid, middle = self.grid, self.grid.times[1::2]
         edges = [burn_edges(self.path[k]) for k in range(len(self.path))]
         planned = np.array([np.searchsorted(own, middle) for own in edges])

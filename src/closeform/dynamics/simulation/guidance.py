@@ -1,4 +1,4 @@
-"""Guidance: what spacecraft are commanded for a plan, in the force model that guidance knows.
+"""Guidance: the commands to spacecraft for a plan, in the force model that guidance knows.
 
 Spacecraft with thrusters fire pulses, impulses are changed for the force model, and continuous thrust
 compensates the model error. The same guidance is simulated, bounded by tracking margins, and exported as
@@ -145,7 +145,7 @@ class Guidance:
     ) -> Iterator[tuple[list[int], Commands]]:
         """Yield the spacecraft that share a time grid, by index, and their commands.
 
-        Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
+        Each spacecraft with thrusters has its own grid. All grids have the same output times.
         """
         rest = [k for k in range(len(self.paths)) if k not in self._models]
         outputs = np.zeros(0) if span is not None else self._output_times(rest, law, engines.lost)

@@ -1,6 +1,6 @@
 """Random errors of simulations: navigation, execution, initial states, and process noise.
 
-Every kind of error of every spacecraft has a random stream of its own. The errors of a seed therefore depend
+Every kind of error of every spacecraft has its own random stream. The errors of a seed therefore depend
 neither on other spacecraft nor on the number of simulations.
 """
 

@@ -105,7 +105,7 @@ def simulate(
         at these times.
     lost : array_like of shape (N,) or () [s], optional
         Time at which each spacecraft loses its thrust, unknown to guidance, and drifts; inf for one that does
-        not. The last feedback order of thrusters counts as spent.
+        not. The delta-v of the last feedback order of thrusters is counted as spent.
     engine : array_like of bool of shape (N,) or (), default True
         Whether each spacecraft has an engine. Without it a spacecraft coasts in the field without feedback,
         and new plans avoid its measured path.

@@ -155,7 +155,7 @@ class Conjunction(Result):
         radii_told = numbers("exclusion_radii", self.exclusion_radii)
         if radii_told.ndim != 1 or not ((radii_told >= 0.0) & (radii_told < np.inf)).all():
             got = shown(self.exclusion_radii)
-            raise ValueError(f"exclusion_radii: expected numbers of m, none negative, got {got}")
+            raise ValueError(f"exclusion_radii: expected lengths in m, at least 0, got {got}")
         object.__setattr__(self, "exclusion_radii", tuple(radii_told.tolist()))
         objects = tuple(sequence("objects", self.objects, ConjunctionObject))
         if len(objects) != 2:

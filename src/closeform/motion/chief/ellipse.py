@@ -22,8 +22,7 @@ def ellipse_of(
     positive("mu", mu, " m^3/s^2")
     if not 0.0 <= e <= LARGEST:
         raise ValueError(
-            f"eccentricity: must be from 0 to {LARGEST:g}, got {e:g}; closer to 1, where the "
-            "ellipse ends, the tables lose accuracy"
+            f"eccentricity: must be from 0 to {LARGEST:g}, got {e:g}; closer to 1 the tables lose accuracy"
         )
     if not 0.0 <= body < np.inf:
         raise ValueError(f"radius: must be finite and at least 0 m, got {body:g}")

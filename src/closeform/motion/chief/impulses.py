@@ -95,7 +95,7 @@ def bend_at(scene, t, y, out, rates):
 
 @kernel(void(TABLE, float64[:, ::1], float64[:, :, :, ::1], float64[:, ::1]))
 def primer_rows(table, segments, rows, whole):
-    """Fill `rows` (W, 3 or 6, 6, 12) with those of the transition matrix from where the first window begins.
+    """Fill `rows` (W, 3 or 6, 6, 12) with those of the transition matrix from the start of the first window.
 
     `segments` (W, 21) are those of one coast; `whole` (6, 6) receives the matrix at its end.
     """
@@ -263,7 +263,7 @@ def window_maxima(w, floor, rises, work, places, squares, count):
 
 @kernel()
 def maxima(scene, y, places, squares):
-    """Fill in the local maxima of |p|^2 above TOUCHING^2; return how many, and a bound over all times."""
+    """Fill in the local maxima of |p|^2 above TOUCHING^2; return their number, and a bound over all times."""
     rows, _, c, stack, ends, slopes = scene
     work = stack, ends, slopes
     floor, count = TOUCHING * TOUCHING, 0

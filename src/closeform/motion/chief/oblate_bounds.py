@@ -1,4 +1,4 @@
-"""Proven bounds of what the table of an oblate chief leaves out between the nodes of its windows.
+"""Proven bounds on the error of the table of an oblate chief between the nodes of its windows.
 
 The chief and its variations are polynomials of u, as Picard's iteration makes them, with I the interpolant of
 degree 29, t' = dt/du, the gravity g and its gradient G at r:
@@ -6,8 +6,8 @@ degree 29, t' = dt/du, the gravity g and its gradient G at r:
     v = v_0 + integral of I(g t'),    r = r_0 + integral of I(v t')
     V = V_0 + integral of I(G R t'),  R = R_0 + integral of I(V t')                            # theory (102)
 
-Their defects are what I leaves out of g t', v t', G R t' and V t'.  These are explicit functions of the
-polynomials, so they are bounded without any theory of the motion.  In the Bernstein ellipse of sum of
+Their defects are the interpolation errors of g t', v t', G R t' and V t'.  These are explicit functions of
+the polynomials, so they are bounded without any theory of the motion.  In the Bernstein ellipse of sum of
 half-axes rho, |T_k| <= (rho^k + rho^-k) / 2 bounds r, v, R and V by their coefficients, and r . r and the
 momentum from below; these bound g and G, and (98) gives the remainders.  The least over several rho is taken.
 

@@ -308,6 +308,6 @@ class GivenChief:
         allowed = (1e-9 + 10.0 * self.error) * np.abs(last).max() ** 2 * np.abs(inverse).max()
         if off > allowed:
             raise ValueError(
-                f"transition: is not symplectic, by {off:.2g} where {allowed:.2g} is its stated error, so "
-                "optimal thrust does not follow it; supply motion in a gravity field, without drag"
+                f"transition: is not symplectic: it deviates by {off:.2g}, and {allowed:.2g} is allowed, "
+                "so optimal thrust cannot be derived from it; supply motion in a gravity field, without drag"
             )

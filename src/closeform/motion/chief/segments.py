@@ -39,7 +39,7 @@ def joint(joints, turn, k, turns):
 
 @kernel()
 def window_at(joints, turn, s):
-    """Return the window that holds an angle, and how many turns of the table lie before."""
+    """Return the window that contains an angle, and the number of earlier revolutions of the table."""
     turns = floor((s + ON_JOINT - joints[0]) / turn) if turn > 0.0 else 0.0
     low, high = 0, len(joints) - 1
     while high - low > 1:
@@ -169,7 +169,7 @@ def load(arc, rate, z):
 
 @kernel(int64(TABLE, float64[:, ::1], int64[::1], float64[:, ::1], int64[::1]))
 def unroll(table, arcs, offsets, segments, firsts):
-    """Fill `segments` of all arcs, and the index of the first of each path; return how many there are.
+    """Fill `segments` of all arcs, and the index of the first of each path; return their number.
 
     Only as many as there is space for are filled.
     """

@@ -129,8 +129,8 @@ def build(
     (K, 6, 6) of the magnitudes of which these are sums, for their rounding.
 
     **Errors.**  The error of a polynomial of degree 11 is known at 30 Chebyshev nodes, up to rounding.
-    Between them it is at most Lebesgue's constant times the largest of these, plus what an interpolant of
-    degree 29 leaves out; `tails` (K, 15) and `return_tails` (K, 9) are bounds of that remainder.
+    Between them it is at most Lebesgue's constant times the largest of these, plus the error of an
+    interpolant of degree 29; `tails` (K, 15) and `return_tails` (K, 9) are bounds of that remainder.
     """
     low, high = nodes(DEGREE), nodes(CHECKS)
     points = np.concatenate([low, [1.0], high])

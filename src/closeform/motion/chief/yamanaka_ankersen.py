@@ -118,7 +118,7 @@ def _form(e: float, columns: Floats, s: Floats) -> Floats:
 
 
 def _tails(e: float, joints: Floats) -> tuple[Floats, Floats]:
-    """Return proven bounds (K, 15) of what interpolants of position leave out, and (K, 9) of returns."""
+    """Return proven bounds (K, 15) on the interpolation errors of positions, and (K, 9) of returns."""
     half, middle = 0.5 * np.diff(joints)[:, None], 0.5 * (joints[1:] + joints[:-1])[:, None]
     tall = half * 0.5 * (ELLIPSES - 1.0 / ELLIPSES)
     wide = half * 0.5 * (ELLIPSES + 1.0 / ELLIPSES)

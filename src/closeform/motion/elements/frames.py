@@ -67,7 +67,7 @@ def relative_from_inertial(
 
     References
     ----------
-    docs/validity.md and docs/ephemerides.md.
+    docs/models.md and docs/ephemerides.md.
     """
     axes, distance, climb, turn = turning_axes(checked("chief", chief, last=6))
     roll = _roll(axes, distance, turn, acceleration)
@@ -131,7 +131,7 @@ def inertial_from_relative(
 
     References
     ----------
-    docs/validity.md.
+    docs/models.md.
     """
     axes, distance, climb, turn = turning_axes(checked("chief", chief, last=6))
     roll = _roll(axes, distance, turn, acceleration)

@@ -35,7 +35,7 @@ def low(altitude: float) -> str | None:
 
 
 def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:
-    """Return `value` as finite floats; ValueError names the argument and states what is wrong."""
+    """Return `value` as finite floats; ValueError names the argument and the mistake."""
     array = finite(name, value, last)
     if positive and not (array >= SMALLEST).all():
         least = array.min()

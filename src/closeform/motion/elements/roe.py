@@ -261,5 +261,5 @@ def _wrapped(angle: Any) -> Any:
 def _sine(name: str, inclination: Floats) -> Any:
     sine = np.sin(inclination)
     if not (sine > LEAST_SIN_INCLINATION).all():
-        raise ValueError(f"{name}: inclination 0 or pi has no node; use palmer_from_state instead")
+        raise ValueError(f"{name}: orbits of inclination 0 or pi have no node; use palmer_from_state")
     return sine

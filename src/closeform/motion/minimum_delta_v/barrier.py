@@ -3,7 +3,7 @@
     maximise   g . y   subject to   |rows_j y|^2 <= 1   at times t_j
 
 y are six numbers scaled so that the mean of |p|^2 over the grid is |y|^2: no digit is lost for very short
-transfers.  The start y = 0 is the analytic centre.  At weight w, J / w bounds how far g . y is below its
+transfers.  The start y = 0 is the analytic centre.  At weight w, J / w bounds the deficit of g . y from its
 maximum, and the impulses 2 p_j / (w (1 - |p_j|^2)) make the transfer.
 """
 

@@ -18,7 +18,7 @@ EXCHANGES = 60
 
 @kernel()
 def left_over(columns, target, weights, active, count, rest):
-    """Fill `rest` with the target less the weighted active columns."""
+    """Fill `rest` with the target minus the weighted active columns."""
     for i in range(6):
         rest[i] = target[i]
     for a in range(count):

@@ -316,7 +316,7 @@ class ImpulseSolver:
     def refired(
         self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, **options: Any
     ) -> Spent | None:
-        """Return clear paths, fired at `moments` of the round before, of at most `dearer` times the cost."""
+        """Return clear paths fired at `moments` of the previous round, of at most `dearer` times the cost."""
 
         def following(found: Spent) -> Program:
             after, contacts = moments(found), self.turned(found, 0.0)

@@ -51,7 +51,7 @@ class PathRequirements:
         return short
 
     def shortfall(self, trajectories: Trajectories) -> float:
-        """Return by how many reserves paths leave the requirements, 0 if they keep all by proof.
+        """Return the violation of the requirements in units of the reserve, 0 if paths provably keep all.
 
         Planes are added where they do not.
         """

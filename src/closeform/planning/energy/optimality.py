@@ -103,8 +103,8 @@ def is_pinned(scene, which, t):
 def conditions_of(scene, contacts, k, arcs, offsets, active, parts, motion, rows, lines, rhs):
     """Fill one contact's errors of the conditions in `rhs` (4,); return the largest, inf if wrong.
 
-    Fills its relative `motion`, and `rows` (3, 3), the derivatives of the first three by position.  Wrong
-    means a part that pulls, or a contact at a maximum of the distance in time.
+    Fills its relative `motion`, and `rows` (3, 3), the derivatives of the first three by position.  A
+    solution is wrong if a part pulls, or if a contact is at a maximum of the distance in time.
     """
     values, gradients, weights, bend = (
         stack_vector(2),

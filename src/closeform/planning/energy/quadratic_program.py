@@ -23,7 +23,7 @@ SOLVED, APPROXIMATE = 0, 1  # status: to rounding, or by coordinate descent
 
 @kernel(boolean(ROWS))
 def is_definite(matrix):
-    """Return whether a symmetric matrix, which is overwritten, is positive definite."""
+    """Return True if a symmetric matrix is positive definite; overwrite the matrix."""
     factorise(matrix, len(matrix))
     for k in range(len(matrix)):
         if not matrix[k, k] > 0.0:
@@ -36,8 +36,8 @@ def solve_qp(gram, gaps, count, active, give, work, multipliers):
     """Fill `multipliers` (count,) from the initial `active` set; return the status.
 
     Every contact yields by the fraction `give` of its own compliance.  All contacts of the wrong sign change
-    sides at once; where that does not help, only the last of them (Judice & Pires 1994), which terminates for
-    every definite G.  If rounding prevents termination, coordinate descent is used.
+    sides at once. If that does not help, only the last of them does (Judice & Pires 1994), which terminates
+    for every definite G.  If rounding prevents termination, coordinate descent is used.
     """
     inside = np.empty(count, dtype=np.int64)
     wrong = np.empty(count, dtype=np.bool_)

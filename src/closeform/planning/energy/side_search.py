@@ -130,7 +130,7 @@ class Search:
         return solution
 
     def push(self, cost: float, turn: Turn) -> None:
-        """Add a start to the queue; of equal costs the earlier is first."""
+        """Add a start to the queue; of those with equal costs, the earlier comes first."""
         self.queued += 1
         heapq.heappush(self.queue, (cost, self.queued, turn))
 

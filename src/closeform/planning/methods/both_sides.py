@@ -14,8 +14,8 @@ from closeform.zones.zone import Zone
 def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     """Return clear paths between the ends of `path` on either side of the obstacle, the cheaper first.
 
-    The second path is the one of lowest cost found on the other side.  A side without a path of its own is
-    omitted, for example where paths slide around the zone to the cheaper side.  The list is empty where the
+    The second path is the one of lowest cost found on the other side.  A side without its own path is
+    omitted, for example if paths slide around the zone to the other side.  The list is empty where the
     unconstrained path is clear.
     """
     problem = Problem.of(stack([transfer_of(path)]), stack([obstacle]), [(zone, np.array([[0, 1]]))])

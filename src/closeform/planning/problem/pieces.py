@@ -8,8 +8,8 @@ A path of minimum energy with fixed ends, which forces f push at times s, is at 
     q(t) = base(t) + sum A(t) B(s) f over later s + sum B(t)^T A(s)^T f over earlier s   # theory (12, 97a)
 
 A and B^T have six columns each: A holds the optimal paths that begin at rest at the origin, B^T those that
-end there.  Beside a chief all of them are polynomials in each window.  A path pushed by any forces is one
-linear combination of thirteen polynomials, and A, B and their rates are values of twelve of them.
+end there.  Beside a chief all of them are polynomials in each window.  A path under any forces is one linear
+combination of thirteen polynomials; A, B and their rates are values of twelve of them.
 """
 
 import numpy as np

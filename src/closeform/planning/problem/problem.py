@@ -359,7 +359,7 @@ class Problem:
         return np.zeros(len(directions))
 
     def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
-        """Return ellipsoids (K, 3, 3) inside the keep-out regions at contacts; None where zones are used."""
+        """Return ellipsoids (K, 3, 3) inside the keep-out regions at contacts; None if zones are used."""
         return None
 
     def with_path(self, *paths: Path) -> Trajectories:

@@ -45,7 +45,7 @@ class NoThrust(Requirement):
         return self._worst(path).margin >= 0.0
 
     def _worst(self, path: Path) -> Worst:
-        """Return by how much [s] the firings of a path overlap this time, as a negative margin."""
+        """Return the overlap [s] of a path's firings with this time, as a negative margin."""
         arcs = path.arcs
         impulses, burns = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1), arcs[:, PUSH : PUSH + 3].any(axis=1)
         begins, ends = arcs[:, START], np.where(burns, arcs[:, END], arcs[:, START])

@@ -123,7 +123,7 @@ class StateRequirement(Requirement):
         """Return the slope (6,) of the margin at a state (6,)."""
 
     def margin(self, states: ArrayLike) -> Any:
-        """Return how far states are inside the requirement, negative outside.
+        """Return the distance of states from the limit of the requirement, negative outside.
 
         Parameters
         ----------

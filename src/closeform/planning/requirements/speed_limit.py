@@ -73,7 +73,7 @@ class SpeedLimit(StateRequirement):
         return 1.0
 
     def _margin(self, states: Floats) -> Floats:
-        """Return by how much [m/s] the speeds of states (..., 6) are below the limit."""
+        """Return the difference [m/s] of the limit and the speeds of states (..., 6)."""
         along = (states[..., :3] - self.target) @ self.axis
         found: Floats = self.limit + self.rate * along - np.linalg.norm(states[..., 3:], axis=-1)
         return found

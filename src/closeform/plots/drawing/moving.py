@@ -29,8 +29,8 @@ def write_gif(
 ) -> None:
     """Write an animated GIF of a figure, `pixels` wide.
 
-    Each entry of `moments` is a time [s] and the duration of its frame [ms]. `show` draws what is there at a
-    time and returns the headline; what it draws is removed after the frame.
+    Each entry of `moments` is a time [s] and the duration of its frame [ms]. `show` draws the parts of one
+    time and returns the headline; these parts are removed after the frame.
     """
     figure.set_dpi(pixels / figure.get_figwidth())
     canvas, headline = FigureCanvasAgg(figure), figure.texts[0]

@@ -19,7 +19,7 @@ from closeform.report.description import Column, Section, Table, plan_of
 
 # Upper bounds; the median and 95 % errors at the end of a plan follow another rule: theory (84).
 # For a craft ahead on the same circle, along a straight axis, the model error in one orbit is 6 pi d^2 / a.
-# The others are measured: docs/validity.md (a chief of e = 0.001) and docs/ephemerides.md (GRACE-A and B).
+# The others are measured: docs/models.md (a chief of e = 0.001) and docs/ephemerides.md (GRACE-A and B).
 CURVATURE, ECCENTRICITY, FLATTENING = 6.0 * pi, 25.0, (0.012, 0.027)
 EXAMPLE = 0.001  # eccentricity used as an example if it is unknown
 TENTH = 0.1  # of the smallest zone: a deviation that is no longer negligible

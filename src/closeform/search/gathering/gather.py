@@ -89,8 +89,8 @@ def gather(
     velocities : array_like of shape (N, 3) [m/s]
         Velocities in the inertial frame.
     groups : "alternating", "balanced", "bearing" or sequence of "A" or "B", default "alternating"
-        A, B, A, ...; the first half A (H03's 3:2); the half in front B, as hemisphere antennas can tell
-        (docs/lost_craft.md); or one for each craft.
+        A, B, A, ...; the first half A (H03's 3:2); B for the half in front, which hemisphere antennas can
+        determine (docs/lost_craft.md); or one for each craft.
     keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
         One zone for all or one for each craft, as in `screen`, but a Sphere, Ellipsoid or Box. Craft of a
         set that would enter it before the end of the search make a correction.
@@ -337,7 +337,7 @@ def gatherings(problem: GatheringProblem, results: Floats) -> Gatherings:
 def best_choice(results: Floats) -> Any:
     """Return the best of the choices (C,) in results (C, choices, ...): fewest craft left, minimum delta-v.
 
-    Of equal choices, the first.
+    Of equal choices, it is the first.
     """
     spent, left = results[..., TOTAL], results[..., LEFT]
     tied = np.abs(spent - spent[:, :1]) <= 1e-12 * spent[:, :1]  # the same burns, added up in another order

@@ -1,7 +1,7 @@
 """Keep-out zones of coasting craft in a gathering, and the pairs that violate them.
 
-Relative motion is a straight line. A pair is checked before either craft changes its velocity, when both come
-to know each other, and at the end.
+Relative motion is a straight line. A pair is checked before either craft changes its velocity, when both
+first know each other, and at the end.
 """
 
 from typing import Any, NamedTuple
@@ -122,7 +122,7 @@ def check_pairs_of(monitor, craft, i, t):
 
 @kernel()
 def check_joining(monitor, craft, one, other, t):
-    """Check all pairs that come to know each other when craft `one` and `other` lock."""
+    """Check all pairs that first know each other when craft `one` and `other` lock."""
     labels = craft.labels
     if monitor.on:
         for i in range(len(labels)):

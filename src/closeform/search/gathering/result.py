@@ -118,7 +118,7 @@ class Gathering(Result):
     duration : float [s]
         Time until gathered, or of all rounds.
     rounds : int
-        Number of searches begun.
+        Number of searches started.
     status : GatherStatus
         Status of the gathering.
     reason : str or None
@@ -176,7 +176,7 @@ class Gathering(Result):
 
         References
         ----------
-        docs/python.md.
+        docs/results.md.
         """
         pushes = np.array([event.delta_v for event in self.events]).reshape(-1, 3)
         names = ("kind", "first", "second", "phase", "round", "case", "label")
@@ -320,7 +320,7 @@ class Gatherings(Rows):
     leg : array of int of shape (C,)
         Leg of `search` in which they ended; -1 if incomplete.
     rounds : array of int of shape (C,)
-        Number of searches begun.
+        Number of searches started.
     left : array of int of shape (C,)
         Number of craft not in the formation set.
     delta_v : array of shape (C,) [m/s]

@@ -38,7 +38,7 @@ class Adversary:
     errors: SearchErrors | None = None
 
     def drawn(self, random: Any, count: int = DRAWN) -> Floats:
-        """Return random states (count, 6) of the box; half of them pass close by during the search."""
+        """Return random states (count, 6) of the box; half of the pairs pass closely during the search."""
         anywhere = random.uniform(self.least, self.greatest, (count - count // 2, 6))
         velocity = random.uniform(self.least, self.greatest, (count // 2, 6))[:, 3:]
         along = random.random(len(velocity)) < 0.5  # near the sun line, where no cone reaches

@@ -34,7 +34,7 @@ ANYWHERE = -2.0  # the cosine of a cone that holds every direction, whatever the
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LockMargins(Result):
-    """Margins of a pair's first lock: by how much earlier legs miss, and the depth of the lock.
+    """Margins of a pair's first lock: the angles by which earlier legs miss, and the depth of the lock.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> Lo
 
 
 def _depth(search: Search, leg: int, time: float, separation: Floats) -> tuple[float, float]:
-    """Return how far inside the cone [rad] the other craft's sensor is at a time, and its distance [m]."""
+    """Return the angle [rad] of the other craft's sensor inside the cone at a time, and its distance [m]."""
     boresight = search.legs[leg].attitude_at(time)[:, 2]
     q = separation - search.sensor.baseline * boresight
     angle = atan2(float(np.linalg.norm(np.cross(q, boresight))), float(q @ boresight))

@@ -232,5 +232,5 @@ def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
         pair = f"{least[which]:g} is above {greatest[which]:g}"
         raise ValueError(f"low: component {which} of {pair} of high; exchange them")
     if not (least.any() or greatest.any()):
-        raise ValueError("high: the box is the origin alone, two craft at the same position; give it a width")
+        raise ValueError("high: the box contains only the origin, two craft at one position; give it a width")
     return least, greatest

@@ -36,7 +36,7 @@ def line_of_sight(instant, centre, baseline):
 
 @kernel()
 def shortfalls(instant, centre, half, baseline, longest):
-    """Return by how much a box is out of sight at an instant: its centre, one corner, the worst corner.
+    """Return the margins by which a box is out of sight at an instant: centre, one corner, worst corner.
 
     A shortfall is g or, if greater, the distance beyond the range. All states lock if the last value, which
     includes the rounding error, is not positive. It equals an earlier value if that one is already positive.

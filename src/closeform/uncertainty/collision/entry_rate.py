@@ -521,7 +521,7 @@ def fill_entry_errors(means, factors, matrix, rules, fineness, first, shares, er
 
 @kernel()
 def place_errors(frame, rows, xi, along, x, y, z, share):
-    """Move errors to those of a trajectory that enters at q = (x, y, z)."""
+    """Change errors to those of a trajectory that enters at q = (x, y, z)."""
     size = len(xi)
     for i in range(3):
         q = x if i == 0 else (y if i == 1 else z)

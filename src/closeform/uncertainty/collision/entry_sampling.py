@@ -1,4 +1,4 @@
-"""Importance sampling of trajectories that enter a zone, drawn from the rate of entries."""
+"""Importance sampling of trajectories that enter a zone, sampled from the rate of entries."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def strata(samples: int) -> tuple[Any, Any]:
 def sample_entries(
     sampled: SampledTrajectories, flux: Flux, samples: int, seed: int, stream: int = 0
 ) -> Floats:
-    """Return errors (samples, M) of trajectories that enter, drawn from the rate in all its strata."""
+    """Return errors (samples, M) of trajectories that enter, sampled from the rate in all its strata."""
     random = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, stream]))
     shares = random.uniform(size=(samples, 3))
     errors = random.standard_normal((samples, len(sampled.columns)))

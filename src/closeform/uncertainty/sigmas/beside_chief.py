@@ -284,7 +284,7 @@ class PairTube:
 def least_of_all(
     path: Path, other: Path, first: Any, second: Any, zone: Zone, errors: Sequence[Any], others: Sequence[Any]
 ) -> Floats:
-    """Return the time and the sigma level (P, 2) of pairs; nan and inf if no error leads into the zone."""
+    """Return the time and the sigma level (P, 2) of pairs; nan and inf if no error reaches the zone."""
     found = np.empty((len(first), 2))
     pairs = zip(each_pair(path, other, first, second), first, second, strict=True)
     for row, (paths, one, two) in zip(found, pairs, strict=True):

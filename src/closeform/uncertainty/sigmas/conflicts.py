@@ -71,7 +71,7 @@ def march_outside(tube, t, span, k, patience):
 
 @kernel(inline=True)
 def moving_errors_time(tube, k, longest):
-    """Return how long moving errors certainly keep a position inside, from the window's start."""
+    """Return the time from the window's start for which moving errors provably keep a position inside."""
     xi, eta = stack_vector(14), stack_vector(14)
     used, _ = position_inside(tube, evaluate_tube(tube, 0.0), k)
     errors_of_point(tube, used, xi)
@@ -89,7 +89,7 @@ def moving_errors_time(tube, k, longest):
 
 @kernel()
 def inside_time(tube, used, span):
-    """Return how long the errors found last certainly keep a position inside."""
+    """Return the time for which the errors found last provably keep a position inside."""
     place, best, at, bounds = tube.place, tube.best, tube.at, tube.bounds
     x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
     if used > 0.0 and tube.along[0] > 0.0:
@@ -139,7 +139,7 @@ def march_inside(tube, t, span, k, patience):
 
 @kernel()
 def load_pair(scene, i, j, t, span):
-    """Load arcs i and j of a pair from time t on, for at most `span`; return the latter."""
+    """Load arcs i and j of a pair from time t on, for at most `span`; return `span`."""
     tube, one, first, two, second, _ = scene
     load_tube(tube, one, i, first, two, j, second, t, span)
     return span
@@ -154,7 +154,7 @@ def cross_sigmas(scene, _, t, span, inside, patience):
 
 @kernel()
 def meet_tubes(scene, one, two):
-    """Return False for a pair that never comes near, and the arcs and times from which to search."""
+    """Return False for a pair that is never close, and the arcs and times at which the search begins."""
     tube, first, second, _, times, tracks, other_tracks, near = scene
     start, end = begin_pair(tube, first, one, second, two)
     m = 0

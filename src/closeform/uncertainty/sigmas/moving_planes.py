@@ -154,7 +154,7 @@ def keeps_gap(tube, k, target, a, b, h):
 
 @kernel()
 def moving_plane_time(tube, k, target, longest):
-    """Return how long moving planes certainly keep k sigmas beyond `target`, from the window's start."""
+    """Return the time from the window's start that moving planes keep k sigmas beyond `target`, proven."""
     a, b = stack_vector(3), stack_vector(3)
     evaluate_tube(tube, 0.0)
     gap_at_sigmas(tube, k, inf)
@@ -205,7 +205,7 @@ def count_stalls(tube, h, longest):
 
 @kernel()
 def errors_of_point(tube, used, out):
-    """Write the errors, of size `used` sigmas, that lead to the last plane's point; zero for future noise."""
+    """Write the errors, of size `used` sigmas, that reach the last plane's point; zero for future noise."""
     best, at = tube.best, tube.at
     share = used / sqrt(tube.along[0]) if tube.along[0] > 0.0 else 0.0
     out[:] = 0.0

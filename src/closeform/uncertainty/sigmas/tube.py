@@ -286,7 +286,7 @@ def root_of_columns(tube, root):
 
 @kernel()
 def level_time(gap, slope, k, along, most, spread):
-    """Return how long the gap certainly lasts, by the better of both bounds.
+    """Return the time for which the gap provably lasts, by the better of both bounds.
 
     theory (53)
     """
@@ -303,7 +303,7 @@ def level_time(gap, slope, k, along, most, spread):
 
 @kernel()
 def plane_time(tube, k, gap):
-    """Return how long the current plane certainly keeps its gap at k sigmas."""
+    """Return the time for which the current plane provably keeps its gap at k sigmas."""
     best, b, along, m = tube.best, tube.bounds, tube.along, tube.matrix
     x, y, z = best[0], best[1], best[2]
     most = abs(x) * b[0] + abs(y) * b[1] + abs(z) * b[2]

@@ -200,7 +200,7 @@ def null_vector(matrix, size, columns, z, order):
 
 @kernel(void(FLEET, PLANES, BLOCKS))
 def keep_fewest(fleet, planes, impulses):
-    """Reduce each craft's impulses to as many as ends and planes require, without a higher sum of sizes.
+    """Reduce each craft's impulses to the number that ends and planes require, without a larger sum of sizes.
 
     The effect of many impulses along fixed directions is a sum in few dimensions, so that some can be
     replaced by others (Caratheodory), in the direction in which the sum of sizes does not grow.  Of burns
