@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from closeform.cli.app import main
-from closeform.mission.mission import plan_mission
+from closeform.mission.mission import plan_mission, stops
 from closeform.scenario import parse
-from closeform.scenario.end_conflicts import stops
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS
 from closeform.scenario.study import readers
 
@@ -120,28 +119,31 @@ within = "0.3 orbits"
 margin = "2 m"
 """
 
-LESS = "less than the margin of 2 m; move one of them, or leave less margin"
-STARTS = f"A and B start at 1 m from their zone, {LESS}"
+
+CORRIDOR = """cost = "delta-v"
+corridor = { axis = [0, -1, 0], half_angle = "10 deg", radius = "1 m" }
+within ="""
 
 
 @pytest.mark.parametrize(
-    ("was", "now", "stage", "line"),
+    ("was", "now", "stage"),
     [
-        ("", "", 3, STARTS),
-        ("0 -100 0 m", "0 -20 0 m", 1, "A and C end at 0.67 x zone; move one of them"),
-        ("0 31 0 m", "0 33 0 m", None, None),
+        ("", "", 3),  # A and B start within the margin
+        ("0 -100 0 m", "0 -20 0 m", 1),  # A and C end inside their zone
+        ("within =", CORRIDOR, 1),  # C starts on the other side
+        ("0 31 0 m", "0 33 0 m", None),
     ],
 )
-def test_check_predicts_where_a_run_stops(was, now, stage, line, tmp_path, monkeypatch, capsys) -> None:
-    """`check` names the stage in which the run stops."""
+def test_check_predicts_where_a_run_stops(was, now, stage, tmp_path, monkeypatch, capsys) -> None:
+    """`check` gives the reason for which the run stops."""
     monkeypatch.chdir(tmp_path)
-    found = statuses(HELD.replace(was, now), capsys)
-    assert found["check"] == ((2, [f"two.toml: stage[{stage}]: {line}"]) if stage else (0, []))
-    assert found["run"][0] == (1 if stage else 0)
-    stopped = json.loads(Path("two-results/summary.json").read_text())["verdict"].startswith(
-        f"stopped in stage {stage} "
-    )
-    assert stopped == (stage is not None)
+    found = statuses(HELD.replace(was, now, 1), capsys)
+    (told,) = found["check"][1] or [None]
+    assert (found["check"][0], found["run"][0]) == ((2, 1) if stage else (0, 0))
+    verdict = json.loads(Path("two-results/summary.json").read_text())["verdict"]
+    stopped = f"stopped in stage {stage} (avoid): "
+    assert verdict.startswith(stopped) == (stage is not None)
+    assert told == (f"two.toml: stage[{stage}]: {verdict.removeprefix(stopped)}" if stage else None)
 
 
 THREE = """

@@ -560,6 +560,9 @@ def test_altitude_in_km_is_warned_of(recwarn):
     with pytest.warns(UserWarning, match="altitude") as found:
         assert cf.Orbit.circular(600).mean_motion > cf.Orbit.circular(600e3).mean_motion
     assert found[0].filename == __file__
+    with pytest.warns(UserWarning, match="perigee_altitude") as found:
+        cf.Orbit.eccentric(0.1, perigee_altitude=600)
+    assert found[0].filename == __file__
     recwarn.clear()
     cf.Orbit.circular(50e3, 4.9028e12, 1737.4e3)  # about the Moon that is an orbit
     assert not recwarn.list

@@ -9,8 +9,6 @@ import pyarrow.parquet
 import pytest
 
 from closeform.campaign import evaluated
-from closeform.campaign.chunks import Held
-from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
 from closeform.report.mission_study import numbered, sweep_report
 from closeform.scenario import ScenarioError, parse
@@ -54,22 +52,6 @@ def test_printed_command_of_a_point_is_valid():
     """A shell takes the name of the file as one word."""
     (hint,) = sweep_report(evaluated(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
     assert as_words(hint)[:7] == ["closeform", "run", "two words.toml", "--case", "K", "--point", "P"]
-
-
-def test_points_may_start_within_chunks(swept, monkeypatch):
-    """Chunks of 128 of 4 x 300 cases: the third has cases of two points."""
-    monkeypatch.setattr(SweepCases, "chunk_size", lambda kind, count: 128)
-    kind = swept.kind
-    held = Held(kind, 1200)
-    for first in range(0, 1200, 128):
-        last = min(first + 128, 1200)
-        held.take(first, kind.evaluate(first, last))
-    again = kind.campaign(held)
-    for one, other in zip(again.points, swept.points, strict=True):
-        np.testing.assert_array_equal(one.campaign.time, other.campaign.time)
-    table = kind.stored(256, 384, kind.evaluate(256, 384))
-    assert table["point"].to_pylist() == [0] * 44 + [1] * 84
-    assert table["case"].to_pylist() == [*range(256, 300), *range(84)]
 
 
 @pytest.mark.parametrize("count", [5, 40])  # in chunks of one and of two, though 32 missions fit in one

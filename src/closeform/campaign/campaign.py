@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from closeform.arrays import instance, whole
 from closeform.campaign.cases import Cases
-from closeform.campaign.chunks import Held, in_threads, ranges
+from closeform.campaign.chunks import Held, in_threads
 from closeform.campaign.search_cases import Campaign, GatherCases, LockCases
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stages import Gather, Lock, StageTable
@@ -85,7 +85,7 @@ def evaluated(
         most = MOST_NUMBERS // kind.numbers
         raise ScenarioError(scenario.file, [f"study.cases: {line}; give at most {most}"])
     held, done = Held(kind, count), 0
-    every = ((cases.start, cases.stop) for cases in ranges(kind, count))
+    every = ((cases.start, cases.stop) for cases in kind.ranges(count))
     for (first, end), columns in in_threads(kind.prepared().columns, every):
         held.take(first, columns)
         done += end - first

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from math import inf
@@ -37,8 +37,8 @@ class CaseChunks(Protocol):
         """Number of cases."""
         ...
 
-    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
-        """Iterate over the chunks, or those that overlap a range: the cases of each, and their columns."""
+    def part(self, cases: range) -> Columns:
+        """Return the columns of the cases of one chunk."""
         ...
 
 
@@ -57,12 +57,22 @@ class Cases(ABC):
     unfinished: ClassVar[tuple[str, ...]] = ()
     drawn: ClassVar[tuple[str, ...]] = ()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields: a copy, in this or another process, prepares itself."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
     @abstractmethod
     def chunk_size(self, count: int) -> int:
         """Return the number of cases in a chunk of a study of `count` cases.
 
         A chunk takes some tenths of a second; this is the work that an interrupted study loses.
         """
+
+    def ranges(self, count: int) -> Iterator[range]:
+        """Yield the cases of each chunk of a study of `count` cases."""
+        size = self.chunk_size(count)
+        for first in range(0, count, size):
+            yield range(first, min(first + size, count))
 
     @property
     def numbers(self) -> int:
@@ -182,18 +192,23 @@ class Statistics(Result):
         study = self.scenario.study
         return study is not None and study.seed == self.seed
 
+    def parts(self) -> Iterator[tuple[range, Columns]]:
+        """Iterate over the chunks: the cases of each, and their columns."""
+        for cases in self.kind.ranges(self.chunks.count):
+            yield cases, self.chunks.part(cases)
+
     def column(self, name: str) -> Any:
         """Return one column of all cases."""
-        return np.concatenate([part[name] for _, part in self.chunks.parts()])
+        return np.concatenate([part[name] for _, part in self.parts()])
 
     def total(self, of: Callable[[Columns], Any]) -> Any:
         """Return the sum of the given counts over all chunks."""
-        return sum(of(part) for _, part in self.chunks.parts())
+        return sum(of(part) for _, part in self.parts())
 
     def least(self, of: Quantity) -> tuple[float, int] | None:
         """Return the minimum value of a quantity and its case; None if no case has one."""
         best = inf, -1
-        for cases, part in self.chunks.parts():
+        for cases, part in self.parts():
             value = np.nan_to_num(of(part), nan=inf, posinf=inf, neginf=-inf)
             best = min(best, (float(value.min()), cases[int(value.argmin())]))
         return best if best[0] < inf else None
@@ -202,7 +217,7 @@ class Statistics(Result):
         """Return the spread of a quantity over the cases that have one; None without any."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
-            for cases, part in self.chunks.parts():
+            for cases, part in self.parts():
                 value = of(part)
                 counts = ~np.isnan(value)
                 yield value[counts], cases.start + np.flatnonzero(counts)
@@ -223,7 +238,7 @@ class Statistics(Result):
     def tally(self) -> Tally:
         """Number of cases in which each requirement is met."""
         found = Tally()
-        for cases, part in self.chunks.parts():
+        for cases, part in self.parts():
             for name, met in self.kind.met(part).items():
                 found.met.setdefault(name, Met()).add(cases, met)
             found.good.add(cases, self.kind.good(len(cases), part))
@@ -234,14 +249,14 @@ class Statistics(Result):
         """Cases (C,) in which each requirement is met."""
         parts = [
             {name: np.broadcast_to(met, len(cases)) for name, met in self.kind.met(part).items()}
-            for cases, part in self.chunks.parts()
+            for cases, part in self.parts()
         ]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @cached_property
     def good(self) -> Any:
         """Cases (C,) in which all requirements are met, as in a run with exit status 0."""
-        return np.concatenate([self.kind.good(len(cases), part) for cases, part in self.chunks.parts()])
+        return np.concatenate([self.kind.good(len(cases), part) for cases, part in self.parts()])
 
     @property
     def failed(self) -> Any:

@@ -13,20 +13,16 @@ from functools import cache, partial
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
-from sys import maxsize
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from closeform.campaign.cases import Cases, Columns, Range
-from closeform.scenario.load import changes
-from closeform.scenario.quantity import shown
 from closeform.storage.manifest import append, entries, rewrite
 from closeform.storage.result_folder import digest
 
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
 FEW = ("first", "second", "phase", "round", "leg", "status", "reason")  # columns with few distinct values
-NAMED = 3  # number of differing keys that a message lists
 
 Found = TypeVar("Found")
 Progress = Callable[[int, int], None]  # numbers of finished cases, and of those with all requirements met
@@ -137,10 +133,9 @@ class Held:
             name: values for name, values in columns.items() if name not in self.cases.drawn
         }
 
-    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
-        """Iterate over the chunks."""
-        for cases in ranges(self.cases, self.count, within):
-            yield cases, self.columns[cases.start]
+    def part(self, cases: range) -> Columns:
+        """Return the columns of the cases of one chunk."""
+        return self.columns[cases.start]
 
 
 class ChunkError(ValueError):
@@ -189,7 +184,7 @@ class Stored:
         """Inputs and versions that identify the study, so that chunks of different studies are not mixed."""
         scenario = self.cases.scenario
         return {
-            "text": scenario.text,
+            "scenario": scenario.digest,
             "files": scenario.inputs.digests if scenario.inputs is not None else {},
             "seed": self.cases.seed,
             "cases": self.count,
@@ -200,7 +195,7 @@ class Stored:
     @property
     def missing(self) -> Iterator[Range]:
         """Ranges of the cases that remain to be evaluated, chunk by chunk."""
-        for cases in ranges(self.cases, self.count):
+        for cases in self.cases.ranges(self.count):
             if cases.start not in self.whole:
                 yield cases.start, cases.stop
 
@@ -233,10 +228,9 @@ class Stored:
         append(self.manifest, entry)
         self.whole[chunk.first] = entry
 
-    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
-        """Iterate over the chunks, each read from its file column by column."""
-        for cases in ranges(self.cases, self.count, within):
-            yield cases, part_in(self.folder / name_of(cases.start))
+    def part(self, cases: range) -> Columns:
+        """Return the columns of the cases of one chunk, each read from its file at its first use."""
+        return part_in(self.folder / name_of(cases.start))
 
     def complete(self, runner: Runner, progress: Progress) -> Any:
         """Evaluate the missing cases with a runner and return the statistics of all."""
@@ -277,13 +271,6 @@ def in_threads(task: Callable[[int, int], Found], ranges: Iterable[Range]) -> It
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def ranges(cases: Cases, count: int, within: Range | None = None) -> Iterator[range]:
-    """Yield the cases of each chunk of a study of `count` cases, or of those that overlap a range."""
-    size, (begin, end) = cases.chunk_size(count), within or (0, maxsize)
-    for first in range(begin // size * size, min(count, end), size):
-        yield range(first, min(first + size, count))
-
-
 def name_of(first: int) -> str:
     """Return the file name of a chunk from its first case."""
     return f"{first:09d}.parquet"
@@ -297,19 +284,12 @@ def versions() -> dict[str, str]:
 
 def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int) -> str:
     """Return how the requested study differs from the existing one, and the remedy."""
-    differing = {name: value for name, value in asked.items() if known.get(name) != value}
-    keys, lines = list[str](), list[str]()
-    if "text" in differing:
-        keys = changes(known.get("text", ""), differing.pop("text"))
-        more = f" and {len(keys) - NAMED} more" * (len(keys) > NAMED)
-        named = ", ".join(keys[:NAMED]) + more or "only comments or layout differ"
-        lines.append(f"another scenario: {named}")
-    if "files" in differing:
-        before, after = known.get("files", {}), differing.pop("files")
-        files = (shown(name) for name in {**before, **after} if before.get(name) != after.get(name))
-        lines.append(f"other contents of {', '.join(files)}")
-    plain = (f"{name} {known.get(name)}, not {value}" for name, value in differing.items())
-    lines += [one for one in plain if f"study.{one}" not in keys[:NAMED]]
+    words = {"scenario": "another scenario", "files": "other input files"}
+    lines = [
+        words.get(name) or f"{name} {known.get(name)}, not {value}"
+        for name, value in asked.items()
+        if known.get(name) != value
+    ]
     return (
         f"holds {chunks} chunk{'s' * (chunks != 1)} of an unfinished study of {', '.join(lines)}; "
         "repeat the same study to continue it, or add --overwrite to start again"

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import json
 import logging
+import pickle
 import re
 import socket
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from functools import lru_cache
 from itertools import chain, islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any
 
-from closeform.campaign.campaign import requested
 from closeform.campaign.cases import Cases, Range
 from closeform.campaign.chunks import Chunk, versions
-from closeform.scenario import ScenarioError, parse
+from closeform.scenario import ScenarioError
 from closeform.storage.result_folder import FolderError
 
 ANSWER = 5.0  # s to wait for an answer of the scheduler
@@ -30,7 +28,6 @@ AHEAD = 2  # tasks, each of one chunk, for each thread of the workers
 DEATHS = 3  # failures of workers on the same task before the study stops
 
 ADDRESS = re.compile(r"(?:tcp|tls)://(\[[^]]+\]|[^:/]+):(\d{1,5})/?")
-Refused = tuple[str, ...]  # lines of an error
 _building = Lock()
 
 
@@ -92,7 +89,7 @@ class Cluster:
 
     def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
         """Yield the chunks of the given ranges of cases as they finish; a lost worker costs only time."""
-        what, waiting, again = Task.of(cases), iter(ranges), list[Range]()
+        study, waiting, again = pickle.dumps(cases), iter(ranges), list[Range]()
         under_way: dict[Any, Range] = {}
         deaths: dict[Range, int] = {}
         alone = time.monotonic()
@@ -103,7 +100,7 @@ class Cluster:
                 raise self.deserted()
             free = max(AHEAD * max(threads, 1) - len(under_way), 0)
             for some in islice(chain(again, waiting), free):
-                under_way[self.client.submit(evaluate, what, some, pure=False)] = some
+                under_way[self.client.submit(evaluate, study, versions(), some, pure=False)] = some
             again = again[free:]
             if not under_way:
                 return
@@ -116,10 +113,8 @@ class Cluster:
                         which = f"cases {some[0]} to {some[1] - 1}"
                         raise ClusterError(f"--scheduler: workers die at {which}; check their logs")
                     again.append(some)
-                elif isinstance(answer, Chunk):
-                    yield answer
                 else:
-                    raise refusal(cases, answer)
+                    yield answer
 
     def threads(self) -> int:
         """Return the number of threads of all workers."""
@@ -140,7 +135,7 @@ class Cluster:
             raise self.gone()
         return [one for one in futures if one.status in ("finished", "error")]
 
-    def answer(self, future: Any) -> Chunk | Refused | None:
+    def answer(self, future: Any) -> Chunk | None:
         """Return the reply of a finished task; None if its workers died too often.
 
         All workers may have died since; then no worker has the reply, and none repeats the task.
@@ -148,12 +143,12 @@ class Cluster:
         try:
             for _ in range(FETCHES):
                 with suppress(TimeoutError):
-                    found: Chunk | Refused = future.result(timeout=PATIENCE)
+                    found: Chunk = future.result(timeout=PATIENCE)
                     return found
                 if not self.threads():
                     raise self.deserted()
             raise self.gone()
-        except ClusterError:
+        except (ClusterError, ScenarioError):
             raise
         except self.distributed.KilledWorker:
             return None
@@ -200,54 +195,21 @@ def address_of(scheduler: str) -> str:
     return address
 
 
-def refusal(cases: Cases, lines: Refused) -> Exception:
-    """Return an error raised on a worker as this machine would raise it."""
-    file = cases.scenario.file
-    prefix = f"{file.rpartition('/')[2]}: "
-    if lines[0].startswith(prefix):
-        return ScenarioError(file, [line.removeprefix(prefix) for line in lines])
-    return ClusterError(f"--scheduler: {lines[0]}")
+def evaluate(study: bytes, made_with: dict[str, str], cases: Range) -> Chunk:
+    """Return the chunk of some cases of a pickled study, evaluated on this machine."""
+    if lines := unlike(made_with, versions()):
+        raise ClusterError(f"--scheduler: a worker has {lines}; install the same versions on all machines")
+    with _building:
+        kind = restored(study)
+    found = Chunk.of(kind, *cases)
+    return found._replace(data=found.data.to_pybytes())
 
 
-class Task(NamedTuple):
-    """Study as sent to a worker: scenario `text`, its `file` name, the files that it names, and the seed.
-
-    `each`: the number of cases at each point of a sweep; `made_with`: the versions of the sender.
-    """
-
-    text: str
-    file: str
-    inputs: tuple[tuple[str, bytes], ...]
-    seed: int
-    each: int
-    made_with: tuple[tuple[str, str], ...]
-
-    @classmethod
-    def of(cls, cases: Cases) -> Task:
-        """Return the task of evaluating some cases of a kind."""
-        one = cases.scenario
-        inputs = tuple(one.inputs.copies.items()) if one.inputs is not None else ()
-        return cls(
-            one.text,
-            Path(one.file).name,
-            inputs,
-            cases.seed,
-            getattr(cases, "each", 1),
-            tuple(versions().items()),
-        )
-
-
-def evaluate(task: Task, cases: Range) -> Chunk | Refused:
-    """Return the chunk of some cases, evaluated on this machine, or the reasons why there is none."""
-    if lines := unlike(dict(task.made_with), versions()):
-        return (f"a worker has {lines}; install the same versions on all machines",)
-    try:
-        with _building:
-            kind = cases_of(task).prepared()
-        found = Chunk.of(kind, *cases)
-        return found._replace(data=found.data.to_pybytes())
-    except ScenarioError as error:
-        return error.lines
+@lru_cache(maxsize=4)
+def restored(study: bytes) -> Cases:
+    """Return the cases of a pickled study, prepared once for all of its chunks."""
+    found: Cases = pickle.loads(study)
+    return found.prepared()
 
 
 def unlike(here: dict[str, str], there: dict[str, str]) -> str:
@@ -257,18 +219,3 @@ def unlike(here: dict[str, str], there: dict[str, str]) -> str:
         for name, known in here.items()
         if there.get(name) != known
     )
-
-
-@lru_cache(maxsize=4)
-def cases_of(task: Task) -> Cases:
-    """Return the cases of a task, built once for all of its chunks."""
-    with TemporaryDirectory(prefix="closeform-") as folder:
-        for name, held in task.inputs:
-            (Path(folder) / name).parent.mkdir(exist_ok=True)
-            (Path(folder) / name).write_bytes(held)
-        try:
-            scenario = parse(task.text, str(Path(folder) / task.file))
-        except ScenarioError as error:
-            lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
-            raise ScenarioError(task.file, lines) from None
-        return requested(replace(scenario, file=task.file), task.each, task.seed)[0]

@@ -240,7 +240,7 @@ class ErrorCampaign(Statistics):
         """Cases with conflicts: their number, entries and pairs; some of those with most entries first."""
         kinds, found = list(self.kind.encounters), list[tuple[int, int, str]]()
         pairs = [" - ".join(pair) for kind in kinds for pair in self.kind.pairs(kind)]
-        for cases, part in self.chunks.parts() if kinds else ():
+        for cases, part in self.parts() if kinds else ():
             began = np.hstack([part[f"{kind}_began"] for kind in kinds])
             each = np.hstack([part[f"{kind}_each"] for kind in kinds])
             entries, inside = each.sum(axis=1), began | (each > 0)

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from math import isnan, nan
-from threading import Lock
-from typing import Any, ClassVar, NamedTuple
+from math import nan
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import CaseChunks, Cases, Columns, Quantity, Statistics
-from closeform.campaign.draws import drawn, lost_by, values, varied
+from closeform.campaign.draws import lost_by, varied
 from closeform.campaign.one_case import one_case
 from closeform.campaign.spread import Spread
 from closeform.mission.mission import as_happened, staged
 from closeform.mission.mission_result import Mission
 from closeform.scenario import Scenario, ScenarioError
 from closeform.scenario.stages import Clearing
-from closeform.scenario.study import FAILS, STATES, UNPLANNED
+from closeform.scenario.study import FAILS, UNPLANNED
 
 AT_ONCE = 32  # missions in a chunk: a few tenths of a second for a few craft, a minute for many
 CHUNKS = 32  # minimum number in a small study; with fewer, a stop loses more work and progress is coarser
@@ -41,10 +40,6 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 SEED, RATIO, END, SPENT = "flight_seed", "simulated_ratio", "simulated_end_m", "simulated_delta_v_m_s"
 NEAREST = 0.5, 0.05, 0.001  # quantiles of minimum clearance ratios, for which small values are bad
 BY_CAUSE = {"plan": SPENT, "field": "field_delta_v_m_s", "feedback": "feedback_delta_v_m_s"}
-
-MOST_PLANS = 32  # number of plans in memory, the most recent ones
-KEPT = 2  # missions kept for each rank; a report has no pages for more
-Known = tuple[bytes, ...]
 
 
 class Figure(NamedTuple):
@@ -159,12 +154,8 @@ def deviation(result: Any) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MissionCases(Cases):
-    """Cases of a mission with a row each: its `status`, the `reason`, and the numbers of `figures`.
+    """Cases of a mission with a row each: its `status`, the `reason`, and the numbers of `figures`."""
 
-    `plans` are shared between cases.
-    """
-
-    plans: Plans = field(default_factory=lambda: Plans())
     failures: ClassVar = WORDS
     unfinished: ClassVar = (STOPPED, REFUSED)
 
@@ -193,15 +184,12 @@ class MissionCases(Cases):
         scenario = one_case(self.scenario, self.seed, case)
         row: dict[str, Any] = dict.fromkeys(self.names, nan) | {SEED: scenario.flight_seed, "conflicts": -1}
         try:
-            mission = self.as_happened(scenario, case)
+            mission = self.as_happened(scenario)
         except ScenarioError as error:
             reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
             return row | {"status": REFUSED, "reason": reason}
         row |= {"status": ended(mission), "reason": "" if mission.verdict.ok else str(mission.verdict)}
-        row |= {one.column: one.of(mission) for one in self.figures}
-        if self.scenario.place is None:  # the report of a sweep shows no cases
-            self.plans.keep(case, mission, ranks(case, row))
-        return row
+        return row | {one.column: one.of(mission) for one in self.figures}
 
     def met(self, columns: Columns) -> dict[str, Any]:
         """Return, for each status other than MET, the cases that did not end with it."""
@@ -224,37 +212,39 @@ class MissionCases(Cases):
                 found[label] = of(one.column)
         return found
 
-    def mission(self, case: int) -> Mission:
-        """Return the mission of one case: the stored one, else evaluated again."""
-        kept = self.plans.mission(case)
-        return kept or self.as_happened(one_case(self.scenario, self.seed, case), case)
+    @cached_property
+    def shared(self) -> Mission | None:
+        """Plan of every case; None if the planner sees the samples of a case."""
+        study = self.scenario.study
+        if study is None or study.draws == "replanned":  # each stage is planned from a state with errors
+            return None
+        if any(key != FAILS and not key.startswith(UNPLANNED) for key in study.vary):
+            return None
+        return self.plan(one_case(self.scenario, self.seed, 0))
 
-    def as_happened(self, scenario: Scenario, case: int) -> Mission:
-        """Return the mission of a case with the events that its plan does not anticipate."""
-        predicted = self.scenario.flights is None  # a simulation gives better predictions
+    def prepared(self) -> Self:
+        """Return the cases with their common plan computed; every case reports a plan that is refused."""
+        with suppress(ScenarioError):
+            _ = self.shared
+        return self
 
-        def plan() -> Mission:
-            return staged(scenario, predicted=predicted)
+    @property
+    def predicted(self) -> bool:
+        """True if plans are predicted in the high-fidelity model; a simulation gives better predictions."""
+        return self.scenario.flights is None
 
-        if recurring(self.scenario):
-            shared = self.plans.of(known(self.scenario, self.seed, case), plan)
-            return as_happened(replace(shared, scenario=scenario), predicted=predicted)
-        return as_happened(plan(), predicted=predicted)
+    def plan(self, scenario: Scenario) -> Mission:
+        """Return the mission of one case as planned."""
+        return staged(scenario, predicted=self.predicted)
+
+    def as_happened(self, scenario: Scenario) -> Mission:
+        """Return the mission of one case with the events that its plan does not anticipate."""
+        plan = self.plan(scenario) if self.shared is None else replace(self.shared, scenario=scenario)
+        return as_happened(plan, predicted=self.predicted)
 
     def campaign(self, chunks: CaseChunks) -> MissionCampaign:
         """Return the statistics of the cases."""
         return MissionCampaign(self, chunks)
-
-
-def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the ranks by which `viewer.replays` selects cases for pages, lowest first; nan for none."""
-    last = nan if np.isnan(row["end_s"]) else 0.0
-    return {
-        **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
-        "spent": last - row.get(SPENT, row["delta_v_m_s"]),
-        "near": row["least_ratio"],
-        "near in flight": last + row.get(RATIO, nan),
-    }
 
 
 def ended(mission: Mission) -> str:
@@ -264,72 +254,6 @@ def ended(mission: Mission) -> str:
     if mission.grounded is not None:
         return REFUSED
     return MET if mission.verdict.ok else UNMET
-
-
-class Plans:
-    """Plans by the inputs of a case that they depend on; threads wait for one that is being computed.
-
-    It also holds the missions of cases that a report shows.
-    """
-
-    def __init__(self) -> None:
-        self.lock = Lock()
-        self.held: dict[Known, Future[Mission]] = {}
-        self.kept: dict[str, list[tuple[float, int, Mission]]] = {}
-
-    def keep(self, case: int, mission: Mission, ranks: Mapping[str, float]) -> None:
-        """Keep the mission of a case if it is among the first `KEPT` of a rank; nan is not a rank."""
-        with self.lock:
-            for name, rank in ranks.items():
-                if not isnan(rank):
-                    first = [*self.kept.get(name, ()), (rank, case, mission)]
-                    self.kept[name] = sorted(first, key=lambda one: one[:2])[:KEPT]
-
-    def mission(self, case: int) -> Mission | None:
-        """Return the mission of a case, None if it was not kept."""
-        with self.lock:
-            every = (one for first in self.kept.values() for one in first)
-            return next((mission for _, number, mission in every if number == case), None)
-
-    def __reduce__(self) -> Any:
-        return Plans, ()  # a copy, in this or another process, is empty
-
-    def of(self, known: Known, make: Callable[[], Mission]) -> Mission:
-        """Return the plan for the given inputs, computed once; an error is raised in every thread."""
-        with self.lock:
-            found, new = self.held.get(known), Future[Mission]()
-            if found is None:
-                self.held[known] = new
-                if len(self.held) > MOST_PLANS:
-                    del self.held[next(iter(self.held))]
-        if found is not None:
-            return found.result()
-        try:
-            new.set_result(make())
-        except BaseException as error:  # else other threads would wait forever
-            new.set_exception(error)
-        return new.result()
-
-
-def recurring(scenario: Scenario) -> bool:
-    """Return True if cases can share plans: the planner sees only values from a finite set."""
-    study = scenario.study
-    if study is None or study.draws == "replanned":  # each stage is planned from a state with errors
-        return False
-    return all(study.vary[key].kind in ("choice", "chance") for key in planned_keys(scenario))
-
-
-def known(scenario: Scenario, seed: int, case: int) -> Known:
-    """Return the sampled values of a case that plans depend on, as bytes."""
-    some = case, case + 1
-    others = [key for key in planned_keys(scenario) if key not in STATES]
-    each: list[Any] = [drawn(scenario, seed, *some), *(values(scenario, seed, key, *some) for key in others)]
-    return tuple(one.tobytes() for one in each)
-
-
-def planned_keys(scenario: Scenario) -> list[str]:
-    """Return the varied keys that plans depend on: neither simulation errors nor failures."""
-    return [key for key in varied(scenario) if key != FAILS and not key.startswith(UNPLANNED)]
 
 
 @dataclass(frozen=True)
@@ -372,7 +296,7 @@ class MissionCampaign(Statistics):
     def causes(self) -> list[tuple[str, int, int]]:
         """Causes without their numbers, the number of cases of each and the first; most frequent first."""
         found = dict[str, tuple[int, int]]()
-        for cases, part in self.chunks.parts():
+        for cases, part in self.parts():
             for case, reason in zip(cases, part["reason"].tolist(), strict=True):
                 if reason:
                     cause = NUMBER.sub("...", reason)

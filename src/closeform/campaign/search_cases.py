@@ -409,7 +409,7 @@ class Campaign(Statistics):
 
     @cached_property
     def _ended(self) -> tuple[Floats, Any]:
-        time, leg = zip(*(self.kind.ended(part) for _, part in self.chunks.parts()), strict=True)
+        time, leg = zip(*(self.kind.ended(part) for _, part in self.parts()), strict=True)
         return np.concatenate(time), np.concatenate(leg)
 
     @property
@@ -440,7 +440,7 @@ class Campaign(Statistics):
     def times(self) -> Iterator[Floats]:
         """Times of the events of a histogram [s], chunk after chunk: of each pair, or of each case."""
         name = "time_s" if isinstance(self.kind, LockCases) else "duration_s"
-        return (part[name] for _, part in self.chunks.parts())
+        return (part[name] for _, part in self.parts())
 
     @cached_property
     def costs(self) -> dict[str, Spread]:
@@ -494,7 +494,7 @@ class LockCampaign(Campaign):
         """Locks for detection at samples."""
         found = []
         for step in self.kind.steps:
-            each = [self.kind.ended(part, step) for _, part in self.chunks.parts()]
+            each = [self.kind.ended(part, step) for _, part in self.parts()]
             found.append(SampledLocks(step, *map(np.concatenate, zip(*each, strict=True))))
         return tuple(found)
 

@@ -7,6 +7,7 @@ inspected further.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, floor
@@ -80,21 +81,10 @@ def ranks_of(share: float, count: int) -> tuple[int, int, int | None, int | None
 
     place, tail = share * (count - 1), (1.0 - CONFIDENCE) / 2.0
     # binomial confidence interval of the rank
-    low = first_rank(lambda k: bdtr(k, count, share) > tail, count)
-    high = first_rank(lambda k: bdtr(k, count, share) >= 1.0 - tail, count)
+    ranks = range(count)
+    low = bisect_left(ranks, True, key=lambda k: bdtr(k, count, share) > tail)
+    high = bisect_left(ranks, True, key=lambda k: bdtr(k, count, share) >= 1.0 - tail)
     return floor(place), ceil(place), low - 1 if low > 0 else None, high if high < count else None
-
-
-def first_rank(holds: Callable[[int], bool], count: int) -> int:
-    """Return the minimum rank from 0 at which a monotonic condition holds; `count` if it never does."""
-    low, high = 0, count
-    while low < high:
-        middle = (low + high) // 2
-        if holds(middle):
-            high = middle
-        else:
-            low = middle + 1
-    return low
 
 
 def between(

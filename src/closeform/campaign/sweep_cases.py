@@ -10,7 +10,6 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from closeform.campaign.cases import CampaignStatus, CaseChunks, Cases, Columns, Range, Statistics
-from closeform.campaign.chunks import Part, arrow
 from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
 from closeform.scenario.study import text, words
@@ -29,19 +28,24 @@ class SweepCases(Cases):
     each: int
 
     def chunk_size(self, count: int) -> int:
-        """Return the number of cases in a chunk of a study of `count` cases."""
-        return int(self.kinds[0].chunk_size(count))
+        """Return the largest number of cases in a chunk, which are all at one point."""
+        return int(self.kinds[0].chunk_size(self.each))
 
-    def ranges(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
-        """Yield the points in a range of all cases, with the range of cases at each."""
-        for point in range(first // self.each, (last - 1) // self.each + 1):
-            begin = point * self.each
-            yield point, max(first - begin, 0), min(last - begin, self.each)
+    def ranges(self, count: int) -> Iterator[range]:
+        """Yield the cases of each chunk, point after point."""
+        for begin in range(0, count, self.each):
+            for cases in self.kinds[begin // self.each].ranges(self.each):
+                yield range(begin + cases.start, begin + cases.stop)
 
     def evaluate(self, first: int, last: int) -> Columns:
-        """Return the results of the given cases, point after point."""
-        found = [self.kinds[point].columns(*some) for point, *some in self.ranges(first, last)]
-        return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+        """Return the results of the given cases, which are at one point."""
+        found: Columns = self.kinds[first // self.each].columns(*self.within_point(first, last))
+        return found
+
+    def within_point(self, first: int, last: int) -> Range:
+        """Return the numbers of the given cases at their point."""
+        begin = first // self.each * self.each
+        return first - begin, last - begin
 
     def met(self, columns: Columns) -> dict[str, Any]:
         """Return the cases (C,) in which each requirement is met."""
@@ -49,33 +53,14 @@ class SweepCases(Cases):
         return found
 
     def stored(self, first: int, last: int, columns: Columns) -> dict[str, Any]:
-        """Return the tables of the points, with their numbers."""
-        import pyarrow
-
-        tables, done = [], first
-        for point, begin, end in self.ranges(first, last):
-            own = rows_of(columns, range(first, last), range(done, done + end - begin))
-            table = self.kinds[point].stored(begin, end, own)
-            table = {"point": np.full(len(next(iter(table.values()))), point), **table}
-            tables.append(pyarrow.table({name: arrow(values) for name, values in table.items()}))
-            done += end - begin
-        whole = pyarrow.concat_tables(tables).combine_chunks()
-        return {name: whole[name].chunk(0) for name in whole.column_names}
+        """Return the table of the point, with its number."""
+        point = first // self.each
+        table = self.kinds[point].stored(*self.within_point(first, last), columns)
+        return {"point": np.full(len(next(iter(table.values()))), point), **table}
 
     def campaign(self, chunks: CaseChunks) -> SweepCampaign:
         """Return the statistics of the cases."""
         return SweepCampaign(self, chunks)
-
-
-def rows_of(columns: Columns, cases: range, some: range) -> Part:
-    """Return the columns of `some` of the cases of a chunk."""
-
-    def load(name: str) -> Any:
-        values = columns[name]
-        rows = len(values) // len(cases)
-        return values[(some.start - cases.start) * rows : (some.stop - cases.start) * rows]
-
-    return Part(tuple(columns), load)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +71,10 @@ class PointChunks:
     chunks: CaseChunks
     point: int
 
-    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
-        """Iterate over this point's part of each chunk."""
+    def part(self, cases: range) -> Columns:
+        """Return the columns of the cases of one chunk."""
         begin = self.point * self.count
-        for cases, part in self.chunks.parts((begin, begin + self.count)):
-            some = range(max(cases.start, begin), min(cases.stop, begin + self.count))
-            yield range(some.start - begin, some.stop - begin), rows_of(part, cases, some)
+        return self.chunks.part(range(begin + cases.start, begin + cases.stop))
 
 
 class Point(NamedTuple):

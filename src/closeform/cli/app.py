@@ -196,7 +196,7 @@ def check(scenario: Path, /) -> int:
     commands = ("study", "run --case", "run") if loaded.study is not None else ("run",)
     refused = {command: lines for command in commands if (lines := loaded.refused(command))}
     if commands[0] not in refused:
-        from closeform.scenario.end_conflicts import stops
+        from closeform.mission.mission import stops
 
         held = stops(loaded) if "run" not in refused else ()
         if held and loaded.study is None:

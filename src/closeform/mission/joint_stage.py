@@ -107,7 +107,7 @@ def planned(
     is planned again.
     """
     from closeform.planning.plan import Status, weakness
-    from closeform.planning.reconfigure import reconfigure
+    from closeform.planning.request import Request
 
     scenario = start.scenario
     thrusters = [start.thrusters(k, stage.cost) for k in moving]
@@ -131,7 +131,7 @@ def planned(
         slots = start.earlier(goals(duration + start.room.time))
 
         def made(margin: Any, slots: Floats = slots, duration: float = duration) -> "Plan":
-            return reconfigure(
+            request = Request.of_formation(
                 start.orbit,
                 start.states[moving],
                 slots,
@@ -154,6 +154,7 @@ def planned(
                 prove=stage.proving.seconds,
                 gap=stage.proving.gap,
             )
+            return start.plan(request)
 
         plan = with_margin(start, stage, moving + rest, coasting, made)
         measures += plan.measures

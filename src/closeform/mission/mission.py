@@ -31,6 +31,7 @@ from closeform.scenario import (
     Avoid,
     Coast,
     Gather,
+    Joint,
     Lock,
     Reconfigure,
     Regather,
@@ -42,6 +43,8 @@ from closeform.scenario import (
     load,
 )
 from closeform.scenario.start_state import is_inertial
+
+MOST_PAIRS = 100_000  # largest number of pairs that `check` evaluates
 
 # Importing a kernel compiles or loads it, so that each stage imports only the kernels that it needs.
 
@@ -60,9 +63,15 @@ def plan_mission(
 
 
 def staged(
-    scenario: Scenario, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
+    scenario: Scenario,
+    progress: Callable[[str], None] = lambda text: None,
+    predicted: bool = True,
+    planner: Callable[[Any], Any] | None = None,
 ) -> Mission:
-    """Evaluate the stages in order, up to the last one or the first that fails, and return the Mission."""
+    """Evaluate the stages in order, up to the last one or the first that fails, and return the Mission.
+
+    With a `planner`, it plans the requests of the stages, which are not judged further.
+    """
     orbit = scenario.orbit.build()
     states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []
@@ -76,16 +85,21 @@ def staged(
         known = () if replanned else tuple(results)  # replanning starts from newly measured states
         here = scenario.during(stage)
         start = StageStart(
-            *(here, orbit, number, states, begin, past, shares), errors=errors, executed=known, whole=scenario
+            *(here, orbit, number, states, begin, past, shares),
+            errors=errors,
+            executed=known,
+            whole=scenario,
+            planner=planner,
         )
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:
             result = PLANNERS[type(stage)](start, stage)
-            result = with_drift(scenario, in_field(scenario, result) if predicted else result)
+            if planner is None:
+                result = with_drift(scenario, in_field(scenario, result) if predicted else result)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
-        if scenario.uncertain and result.executed:
+        if scenario.uncertain and result.executed and planner is None:
             progress(f"stage {number} of {len(scenario.stages)}: {verb}, with errors")
             result, left = with_errors(scenario, result, errors)
             errors = errors if replanned else left  # replanning starts from newly measured states
@@ -97,6 +111,32 @@ def staged(
             return Mission(scenario, orbit, tuple(results), stopped)
         states = result.after.paths.state(result.end)
     return Mission(scenario, orbit, tuple(results))
+
+
+def stops(scenario: Scenario) -> tuple[str, ...]:
+    """Return the reason why a run is known to stop, with its stage; none if no reason is known.
+
+    The stages are evaluated without a search for plans, as far as their starts do not depend on one.
+    """
+    if scenario.scattered or scenario.zones.pairs > MOST_PAIRS:
+        return ()
+    stages = list[StageTable]()
+    for stage in scenario.stages:
+        if stage.searches:
+            break
+        stages.append(stage)
+        limited = scenario.during(stage).limits(*stage.moving(scenario.names))
+        if isinstance(stage, Joint) or (isinstance(stage, Avoid) and (limited or scenario.uncertain)):
+            break
+    from closeform.planning.planner import with_checked_ends
+
+    try:
+        mission = staged(replace(scenario, stages=tuple(stages)), planner=with_checked_ends)
+    except ScenarioError as error:
+        return tuple(line.removeprefix(f"{scenario.file}: ") for line in error.lines)
+    if mission.stopped is None:
+        return ()
+    return (f"stage[{mission.results[-1].number}]: {mission.results[-1].failure}",)
 
 
 def as_happened(

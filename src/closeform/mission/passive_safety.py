@@ -161,7 +161,7 @@ def beyond_hill(scenario: Scenario, result: StageResult[Any, Any], found: Passiv
     """
     field, until, paths = scenario.field, found.until, result.after.paths
     neglected = Neglected.on(paths.orbit, scenario)
-    if field is None and (neglected is None or neglected.eccentric):
+    if field is None and (neglected is None or scenario.orbit.model != "hill"):
         return found  # in deep space, or where the model error of a drift is not known
     limits = {
         "its drift has no end": until == inf,

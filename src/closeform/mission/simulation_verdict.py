@@ -144,14 +144,13 @@ def eaten(mission: "Mission") -> Iterator[str]:
 class Neglected:
     """Orbit around the Earth for which the model error of Hill's equations can be estimated.
 
-    `semi_major_axis` is in m and `period` in s.  `eccentricity` is None if it is unknown.  If `eccentric`,
-    the model includes it: only oblateness and curvature remain, as on a circle of the semi-latus rectum.
+    `radius` is in m and `period` in s.  In a model that includes the eccentricity, the radius is the
+    semi-latus rectum, because only oblateness and curvature remain.  `eccentricity` is None if it is unknown.
     """
 
-    semi_major_axis: float
+    radius: float
     eccentricity: float | None
     period: float
-    eccentric: bool = False
 
     @classmethod
     def on(cls, orbit: "Orbit", scenario: "Scenario") -> "Neglected | None":
@@ -173,17 +172,16 @@ class Neglected:
         if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS:
             return None
         e = None if chief is None else chief.eccentricity
-        return cls(radius, e, orbit.period, scenario.orbit.model == "kepler")
+        if scenario.orbit.model == "kepler" and e is not None:
+            radius, e = radius * (1.0 - e**2), 0.0
+        return cls(radius, e, orbit.period)
 
     def error(self, reach: Any, time: Any, craft: int, kind: str = COASTS) -> tuple[Floats, Floats]:
         """Return the model error [m] after a `time` [s] that half, and 95 %, of missions do not exceed.
 
         `reach` [m] is the maximum distance from the origin up to that time.
         """
-        size, e = self.semi_major_axis, self.eccentricity
-        if self.eccentric and e is not None:
-            size, e = size * (1.0 - e**2), 0.0
-        return model_error(reach, time / self.period, size, e, craft, kind)
+        return model_error(reach, time / self.period, self.radius, self.eccentricity, craft, kind)
 
 
 def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
@@ -233,7 +231,9 @@ def zone_distance(mission: "Mission") -> ZoneDistance | None:
     )  # a margin does not move the ends
     enlarges = inside and any(hasattr(stage, "margin") for stage in mission.scenario.stages)
     _, half, most = mission_error(mission) or (None, nan, nan)
-    remedy = 'use model = "j2"' if mission.scenario.orbit.model == "kepler" else "add a field"
+    table = mission.scenario.orbit
+    remedy = "add a field" if table.chief is not None else "add epoch, chief and field to [orbit]"
+    remedy = 'use model = "j2"' if table.model == "kepler" else remedy
     return ZoneDistance(float(spare[k]), (near[k].first, near[k].second), half, most, enlarges, remedy)
 
 

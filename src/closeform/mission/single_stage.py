@@ -17,8 +17,11 @@ from closeform.motion.joining import join, stack
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Transfer
-from closeform.scenario.path_requirements import built_all
+from closeform.scenario.path_requirements import ApproachSpeed, Corridor, Waypoint, built_all
 from closeform.zones.zone import ON, Zone
+
+# scenario keys of the requirements that a start or an end can break, by the name in the planner's messages
+REQUIREMENT_KEYS = {Corridor.kind: "corridor", ApproachSpeed.kind: "speed_limit", Waypoint.kind: "waypoints"}
 
 
 def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
@@ -32,7 +35,6 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     """Plan the avoidance trajectory of one spacecraft around the others, and return the result."""
     from closeform.planning.plan import Plan, weakness
-    from closeform.planning.planner import planned
     from closeform.planning.request import Request
 
     names, asked = start.scenario.names, start.asked(stage)
@@ -112,7 +114,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
             requirements=tuple(required.values()),
             **errors,
         )
-        return planned(request)
+        return start.plan(request)
 
     plan = with_margin(start, stage, chosen, others, made)
     if plan.weak is not None:
@@ -126,6 +128,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     asked_for = start.scenario.zones_around(craft.name)  # zones of the scenario, not enlarged for pulses
     result = AvoidResult(stage.craft, rest, asked_for, direct, plain, plan, asked, goals, required)
     failure = None if plan.ok else plan.reason
+    for kind, key in REQUIREMENT_KEYS.items():
+        failure = failure and failure.replace(f"its {kind}", f"its {key}")
     return StageResult(start.number, stage, start.time, before, after, result, failure, plan.ok, late)
 
 

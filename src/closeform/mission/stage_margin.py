@@ -27,8 +27,8 @@ def with_margin(
     high-fidelity model requires.  If the iteration fails, or tracking exceeds a limit, the plan has the
     status NO_MARGIN and a reason.
     """
-    if stage.margin != "auto":
-        return make(stage.margin or 0.0)
+    if stage.margin != "auto" or start.planner is not None:
+        return make(0.0 if stage.margin == "auto" else stage.margin or 0.0)
     from closeform.dynamics.control.feedback import default_feedback
     from closeform.dynamics.margins.fit_margin import fit_margin
 

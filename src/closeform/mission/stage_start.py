@@ -27,6 +27,8 @@ from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
     from closeform.mission.mission_result import StageResult
+    from closeform.planning.plan import Plan
+    from closeform.planning.request import Request
 
 FIRING = "thrusters", "max_thrust", "acceleration", "minimum_bit", "period"  # keys of a craft's thrusters
 LATE = 1.0 + 1e-6  # multiple of the requested duration above which a stage is late
@@ -65,6 +67,7 @@ class StageStart:
     - `errors`: uncertainty of each spacecraft; empty if none has any.
     - `executed`: previous stages; empty if each stage is replanned from known states.
     - `whole`: scenario of all stages; `scenario` has the engines of this one.
+    - `planner`: function that plans a request instead of the planner; its plans are not fired.
     """
 
     scenario: Scenario
@@ -78,6 +81,13 @@ class StageStart:
     errors: tuple[Any, ...] = ()
     executed: "tuple[StageResult[Any, Any], ...]" = ()
     whole: Scenario | None = None
+    planner: "Callable[[Request], Plan] | None" = None
+
+    def plan(self, request: "Request") -> "Plan":
+        """Return the plan of a request."""
+        from closeform.planning.planner import planned  # kernels that only these stages need
+
+        return (self.planner or planned)(request)
 
     def leaving(self, room: BurnRoom) -> Self:
         """Return the start of a plan that leaves the reserve `room`, after the coast before it."""

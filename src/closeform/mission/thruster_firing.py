@@ -73,6 +73,8 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     planned again with larger zones if the pulses cause a conflict, or would after a loss of thrust.  If no
     such plan exists, conflicts or unsafe drifts remain.
     """
+    if start.planner is not None:
+        return plan(start)
     stage = start.scenario.stages[start.number - 1]
     room = BurnRoom(whole=getattr(stage, "drift", None) is not None)  # a passively safe plan is one of pulses
     kept: Result | None = None

@@ -62,15 +62,8 @@ def planned(request: Request) -> Plan:
 def attempt(request: Request, more: bool = False) -> Plan:
     """Return the plan for the slots and times of a request; with `more`, examine more candidates."""
     problem = request.problem()
-    direct = problem.path(problem.direct)
-    least = problem.energy(problem.direct)
-    plan = Plan(
-        *(None, direct, request.slots, request.starts, request.durations, nan, nan, nan, least, ()),
-        *(Status.NOT_FOUND, ""),
-        drift=request.drift,
-        sigmas=problem.sigmas,
-        padding=0.0 if request.padding is None else request.padding.told,
-    )
+    plan = unplanned(request, problem)
+    least = plan.lower_bound
     if reason := end_outside(problem, request):
         return replace(plan, status=Status.END_OUTSIDE, reason=reason, cost=request.cost)
     clear = (own for own, paths in candidates(request, problem) if is_clear(problem, own, paths))
@@ -105,6 +98,36 @@ def attempt(request: Request, more: bool = False) -> Plan:
         reason = f"the cheapest of {examined(found)} costs {found.extra:.3g} m²/s³ more"
         return replace(plan, tried=found.tried, reason=f"{reason}; allow a longer transfer")
     return completed(plan, problem, found, request)
+
+
+def unplanned(request: Request, problem: Problem) -> Plan:
+    """Return the plan of a request before any search: only its direct paths."""
+    direct, least = problem.path(problem.direct), problem.energy(problem.direct)
+    return Plan(
+        *(None, direct, request.slots, request.starts, request.durations, nan, nan, nan, least, ()),
+        *(Status.NOT_FOUND, ""),
+        drift=request.drift,
+        sigmas=problem.sigmas,
+        padding=0.0 if request.padding is None else request.padding.told,
+    )
+
+
+def with_checked_ends(request: Request) -> Plan:
+    """Return the direct paths as a plan, without regard to zones on the way; no paths if an end excludes any.
+
+    It fails as `planned` does for a start or an end in a zone, outside a requirement or not passively safe.
+    """
+    problem = request.problem()
+    plan = unplanned(request, problem)
+    if reason := end_outside(problem, request):
+        return replace(plan, status=Status.END_OUTSIDE, reason=reason)
+    clear = any(is_clear(problem, own, paths) for own, paths in candidates(request, problem))
+    if request.cost == "delta-v" and request.drift is None:
+        clear = clear or unconstrained(problem, request.thrusters, request.names).checked.clear
+    if not clear and (none := infeasible_end(problem, request)):
+        status, pair, reason = none
+        return replace(plan, status=status, reason=reason, blocked=pair)
+    return unchanged(plan, plan.direct)
 
 
 def candidates(request: Request, problem: Problem) -> Iterator[tuple[Path, Trajectories]]:

@@ -12,7 +12,6 @@ from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.safety.failures import ThrustLost
 from closeform.scenario.craft import MOST_TURN, Craft, SensorTable
-from closeform.scenario.end_conflicts import zone_conflicts
 from closeform.scenario.formation import Goal
 from closeform.scenario.quantity import Reader, shown
 from closeform.scenario.scenario import Scenario
@@ -32,6 +31,9 @@ from closeform.scenario.stages import (
 from closeform.scenario.study import FAILS, NORMAL_REACH, TABLED, Draw, draw_error, readers
 from closeform.scenario.table import alike, did_you_mean, dotted
 from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
+from closeform.zones.combined_zones import REGION
+from closeform.zones.pair_zones import portions_near
+from closeform.zones.shapes import CYLINDER, FACES
 
 
 def check(scenario: Scenario) -> list[str]:
@@ -615,3 +617,35 @@ def conflict_study_errors(scenario: Scenario) -> Iterator[str]:
         yield f"craft.keep_out: {Craft.missing('keep_out')}"
     if len(scenario.craft) < 2:
         yield "study.draws: needs another craft; add one"
+
+
+MOST_NAMED = 100  # largest number of pairs that are named
+
+
+def zone_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
+    """Yield an error line for each pair without a common zone or with a conflict at the start."""
+    try:
+        kept = scenario.zones
+    except ValueError as error:
+        yield f"craft.keep_out: {error}"
+        return
+    unlike = any(zone.shape in (CYLINDER, FACES) for zone in kept.zones)
+    for number, stage in enumerate(scenario.stages, 1):
+        if unlike and isinstance(stage, Gather):
+            yield (
+                f"craft.keep_out: stage[{number}] ({stage.verb}) supports only a sphere, box, ellipsoid or "
+                "covariance zone; use one that encloses the present zones"
+            )
+    if scenario.scattered:  # every case has its own positions
+        return
+    places, remedy, count = scenario.states(orbit)[:, :3], "move one of them or make keep_out smaller", 0
+    for zone, first, second in portions_near(kept, places):
+        ratios = zone._norm(places[first] - places[second])
+        for k in np.flatnonzero(ratios <= 1.0):
+            if (count := count + 1) <= MOST_NAMED:
+                made = "" if (rule := kept.rule(first[k], second[k])) == REGION else f" ({rule})"
+                names = f"{scenario.names[first[k]]} and {scenario.names[second[k]]}"
+                at = f"{ratios[k]:.2f} x zone{made}"
+                yield f"craft.position: {names} start inside each other's zone, at {at}; {remedy}"
+    if count > MOST_NAMED:
+        yield f"craft.position: {count} pairs in all start inside each other's zone; {remedy}"

@@ -19,7 +19,6 @@ from closeform.scenario.checks import check
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import FeedbackTable, FlightTable, NavigationTable, OrbitTable, VerdictTable
-from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Stage
 from closeform.scenario.study import Study, points, words
@@ -254,31 +253,3 @@ def with_starts(scenario: Scenario) -> Scenario:
     if wrong:
         raise Misplaced(*wrong)
     return replace(scenario, craft=tuple(placed))
-
-
-def changes(before: str, after: str) -> list[str]:
-    """Return one line for each key that differs between two texts, with its new and its old value.
-
-    The list is empty if the files differ only in layout or comments.
-    """
-    old, new = (dict(leaves(toml(text, "scenario"))) for text in (before, after))
-    return [
-        f"{dotted(place)} {value_at(old, place)}, not {value_at(new, place)}"
-        for place in {**old, **new}
-        if place not in old or place not in new or old[place] != new[place]
-    ]
-
-
-def leaves(raw: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Yield each value of a file with its place; nested tables and lists are expanded."""
-    inner = raw.items() if isinstance(raw, Mapping) else enumerate(raw)
-    for key, value in inner:
-        if isinstance(value, Mapping | list) and value:
-            yield from leaves(value, (*place, key))
-        else:
-            yield (*place, key), value
-
-
-def value_at(found: Mapping[Place, Any], place: Place) -> str:
-    """Return the value at a place as text, or "absent" if the key is missing."""
-    return shown(found[place]) if place in found else "absent"

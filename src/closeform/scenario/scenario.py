@@ -13,7 +13,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
-from closeform.motion.elements.mean_motion import low
+from closeform.motion.elements.mean_motion import EARTH_RADIUS, low
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.inputs import Inputs
@@ -325,9 +325,12 @@ class Scenario:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Warnings about valid but improbable input, one line each: low orbits, high relative speeds."""
-        lines, table = [], self.orbit
+        lines, table, chief = [], self.orbit, self.chief
         if table.altitude is not None and table.radius is None and (line := low(table.altitude)):
             lines.append(f"orbit.altitude: {line}")
+        if chief is not None and chief.center.upper() == "EARTH":
+            perigee = chief.semi_major_axis * (1.0 - chief.eccentricity) - EARTH_RADIUS
+            lines += [f"orbit.chief: its perigee at {line}"] if (line := low(perigee)) else []
         speeds = np.linalg.norm(self.states(table.build())[:, 3:], axis=1)
         if (fastest := float(np.nanmax(speeds, initial=0.0))) > FAST:
             name = self.names[int(np.nanargmax(speeds))]

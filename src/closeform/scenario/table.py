@@ -267,8 +267,12 @@ class ScenarioError(ValueError):
     """Invalid scenario; `lines` has one line for each error."""
 
     def __init__(self, file: str, complaints: Iterable[str]) -> None:
-        self.lines = tuple(dict.fromkeys(one_line(f"{file}: {complaint}") for complaint in complaints))
-        super().__init__("\n".join(self.lines))
+        found = tuple(complaints)
+        self.lines = tuple(dict.fromkeys(one_line(f"{file}: {complaint}") for complaint in found))
+        super().__init__(file, found)  # which a copy in another process is made of
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
 
 
 def one_line(text: str) -> str:

@@ -55,28 +55,13 @@ def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Repl
 
 
 def mission_of(campaign: Any, case: int | None) -> Mission:
-    """Return the mission of a case, or for None the mission as planned.
-
-    A search is recomputed. Other missions are those that the study kept in this process.
-    """
-    from closeform.mission.mission import (
-        in_field,
-        plan_mission,
-    )  # a study without pages does not need its kernels
-
+    """Return the mission of a case, evaluated again, or for None the mission as planned."""
     if case is None:
         planned: Mission = campaign.mission
         return planned
-    if isinstance(campaign, Campaign):
-        return plan_mission(case_of(with_seed(campaign.scenario, campaign.seed), case))
-    executed: Mission = campaign.kind.mission(case)
-    stages = tuple(
-        replace(
-            one, validity=in_field(executed.scenario, replace(one, after=one.commanded or one.after)).validity
-        )
-        for one in executed.results
-    )
-    return replace(executed, results=stages)
+    from closeform.mission.mission import plan_mission  # a study without pages does not need its kernels
+
+    return plan_mission(case_of(with_seed(campaign.scenario, campaign.seed), case))
 
 
 def write_mission(mission: Mission, name: str, folder: Folder) -> None:

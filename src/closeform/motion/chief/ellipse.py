@@ -1,10 +1,13 @@
 """Semi-major axis and eccentricity of a chief from the arguments that users pass, validated."""
 
+import warnings
 from typing import cast
 
 import numpy as np
 
 from closeform.arrays import number, positive
+from closeform.motion.elements.circular import low
+from closeform.motion.elements.mean_motion import EARTH_RADIUS
 
 # Above, the shortest windows are those of seconds, and the transition matrix of a revolution loses digits.
 LARGEST = 0.9
@@ -34,6 +37,8 @@ def ellipse_of(
             raise ValueError(
                 f"perigee_altitude: must be finite and above the surface, got {altitude:g} m; raise it"
             )
+        if body == EARTH_RADIUS and (line := low(altitude)):
+            warnings.warn(f"perigee_altitude: {line}", stacklevel=3)
         return (body + altitude) / (1.0 - e), e
     size = positive("semi_major_axis", semi_major_axis, " m")
     if size * (1.0 - e) <= body:

@@ -255,11 +255,12 @@ def estimate(mission: Mission) -> Iterator[str]:
     if error is None:
         return
     neglected, half, most = error
-    e = neglected.eccentricity
-    where = f"{(neglected.semi_major_axis - EARTH_RADIUS) / 1e3:.0f} km, e " + (
+    e, hill = neglected.eccentricity, mission.scenario.orbit.model == "hill"
+    where = f"at {(neglected.radius - EARTH_RADIUS) / 1e3:.0f} km, e " + (
         "not known" if e is None else f"= {e:.5f}"
     )
+    where = where if hill else f"with a semi-latus rectum of {neglected.radius / 1e3:.0f} km"
     whose = "the craft" if len(mission.scenario.craft) == 1 else "the craft with the largest error"
-    model = "the eccentric model" if neglected.eccentric else "Hill's equations"
+    model = "Hill's equations" if hill else "the eccentric model"
     yield f"Model error of {model} (estimate): about {metres(half)}, 95 % within {metres(most)}"
-    yield f"    for {whose}, at {where}"
+    yield f"    for {whose}, {where}"

@@ -72,7 +72,7 @@ def drift_lines(result: StageResult[Any, Any]) -> Iterator[str]:
     if passive.field:
         yield f"Evaluated {passive.models}, the worse for each pair; the closest approach is in {worst.model}"
     if safe and passive.doubt:
-        remedy = "" if passive.field else "; enlarge the zone, or add a field"
+        remedy = "" if passive.field else "; enlarge the zone, or add epoch, chief and field to [orbit]"
         yield f"Not shown beyond Hill's equations: {passive.doubt}{remedy}"
     if all(isnan(pair.failed_at) for pair in passive.pairs):
         return
