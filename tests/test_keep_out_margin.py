@@ -189,4 +189,4 @@ def test_margin_wider_than_the_gap_between_ends():
     client = ORBIT.coast(np.zeros(6), 300.0)
     short = cf.avoid(path, client, cf.Box([50.0, 199.5, 50.0]), margin=1.0)
     assert short.status == cf.Status.END_INSIDE
-    assert "obstacle 1 of 1 at (0 0 0 m) are at 0.5 m from their zone, less than" in short.reason
+    assert "path and the obstacle are at 0.5 m from their zone, less than" in short.reason

@@ -76,6 +76,7 @@ CALLS = {
         "path": NEAR, "other": REST, "zone": BALL, "errors": KNOWN, "other_errors": None, "asked": 1.0,
         "names": ["a - b"],
     },
+    "plots.speed": {"path": MOVE, "limit": cf.requirements.SpeedLimit(limit=1.0)},
     "plots.three_views": {"gathering": GATHERED, "time": 1.0, "craft": 0, "names": ["a", "b", "c"]},
     "plots.thrust": {"paths": [MOVE], "labels": ["a"], "mass": 1.0},
     "plots.tube": {

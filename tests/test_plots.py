@@ -229,3 +229,24 @@ def test_marked_minimum_is_the_certified_ratio():
 def test_invalid_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("most", [0.2, 0.04])
+def test_speed_is_drawn_with_its_limit_and_smallest_margin(most):
+    """The dot is at the smallest margin of dense samples, and the shade begins at the limit."""
+    orbit = cf.Orbit.circular(500e3)
+    path = orbit.transfer([0, -200, 0, 0, 0, 0], [0, -2, 0, 0, 0, 0], 2400.0)
+    limit = cf.requirements.SpeedLimit(limit=most, rate=2e-4, axis=[0, -1, 0], start=600.0, end=2000.0)
+    figure = plots.speed(path, limit)
+    (axes,) = (one for one in figure.axes if "speed" in one.get_ylabel())
+    states = path.state(times := np.linspace(600.0, 2000.0, 20_001))
+    allowed = most + 2e-4 * -states[:, 1]
+    margin = allowed - np.linalg.norm(states[:, 3:], axis=1)
+    size = {"speed [m/s]": 1.0, "speed [mm/s]": 1e-3}[axes.get_ylabel()]
+    drawn = {line.get_label(): line.get_xydata() * [60.0, size] for line in axes.lines}
+    inner = slice(100, -100)  # between its samples
+    assert np.interp(times[inner], *drawn["limit"].T) == pytest.approx(allowed[inner], abs=1e-4 * most)
+    dot = next(line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o") * [60.0, size]
+    assert dot[0] == pytest.approx(times[margin.argmin()], abs=5.0)
+    assert np.interp(dot[0], times, allowed) - dot[1] == pytest.approx(margin.min(), abs=1e-6)
+    assert ("not kept" in figure.get_suptitle()) == (margin.min() < 0.0)

@@ -38,9 +38,13 @@ def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Pat
 def obstacle_names(names: Sequence[str] | None, obstacles: Path | None) -> tuple[str, ...]:
     """Return the names of M obstacles: unless given, their number, which counts from 1, and their start.
 
+    A single obstacle is "the obstacle".
+
     Raises ValueError for another number of names.
     """
     count = 0 if obstacles is None else len(obstacles)
+    if names is None and count == 1:
+        return ("the obstacle",)
     if names is None:
         starts: Any = [] if obstacles is None else obstacles.arcs[obstacles.offsets[:-1], STATE : STATE + 3]
         places = ("(" + " ".join(f"{number:.4g}" for number in place + 0.0) + " m)" for place in starts)

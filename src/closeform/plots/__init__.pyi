@@ -30,4 +30,5 @@ from closeform.plots.studies import sweep as sweep
 from closeform.plots.thrusts import burns as burns
 from closeform.plots.thrusts import formation_thrust as formation_thrust
 from closeform.plots.thrusts import pulses as pulses
+from closeform.plots.thrusts import speed as speed
 from closeform.plots.thrusts import thrust as thrust

@@ -35,7 +35,7 @@ from closeform.plots.drawing.palette import (
     ZONE,
     colours,
 )
-from closeform.plots.drawing.text import SMALL, plain, short_names
+from closeform.plots.drawing.text import SMALL, obstacle_labels, plain, short_names
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.outlines import CIRCLE, drawn
@@ -226,7 +226,7 @@ def formation_paths(
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(crafts("before", before)))
     sides = [("", before)] if same(before, after) else [("Before", before), ("After", after)]
-    every = [*called, *(f"obstacle {k}" for k in range(len(others)))]
+    every = [*called, *obstacle_labels(len(others))]
     stages: list[Formation] = []
     for title, paths in sides:
         shown = stages[0].shown if stages else None

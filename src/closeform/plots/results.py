@@ -20,7 +20,7 @@ from closeform.plots.drawing.charts import Curve, Panel, Spans, intervals, serie
 from closeform.plots.drawing.inputs import crafts
 from closeform.plots.drawing.palette import colours
 from closeform.plots.drawing.style import DASHED
-from closeform.plots.drawing.text import short_names
+from closeform.plots.drawing.text import obstacle_labels, short_names
 from closeform.plots.drawing.units import Clock, plain_unit, plural, speed, thrust_unit
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -134,7 +134,7 @@ def animate(
     others = crafts("obstacles", obstacles) if obstacles is not None else []
     known = names if names is not None else motion.names
     if known is not None:
-        known = [*known, *(f"obstacle {k}" for k in range(len(others)))]
+        known = [*known, *obstacle_labels(len(others))]
     every = stack([*crafts("result", motion.after), *others])
     plots.formation_animation(every, file, known, zone if zone is not None else motion.zone, frames=frames)
 

@@ -1,4 +1,4 @@
-"""Thrust, burns and thruster pulses against time."""
+"""Thrust and speed with their limits, burns and thruster pulses against time."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
+from closeform.planning.requirements import SpeedLimit
 from closeform.plots.drawing import style, units
 from closeform.plots.drawing.charts import DASHES, Curve, Panel, name_rows, series
 from closeform.plots.drawing.inputs import crafts, picture, texts
@@ -31,6 +32,7 @@ from closeform.plots.drawing.palette import (
     FAINT,
     INK,
     OTHER,
+    ZONE,
     colours,
 )
 from closeform.plots.drawing.text import NEAR, SMALL, label, short_names, word
@@ -210,6 +212,34 @@ def thrust_verdict(called: list[str], peaks: Floats, limits: Floats, pulsed: Any
     return (
         f"{said}; {f'{over} of {len(peaks)} craft above their limit' if over else 'all within their limits'}"
     )
+
+
+@picture()
+def speed(path: Path, limit: SpeedLimit) -> Figure:
+    """Plot the speed of a path in the rotating frame against time, with its limit.
+
+    The range above the limit is shaded. A limit that rises with the distance is shown at the place of the
+    spacecraft. A dot marks the smallest margin.
+    """
+    times = units.instants(path.start, path.end, path)
+    states, during = path.state(times), (times >= limit.start) & (times <= limit.end)
+    speeds, margins = np.linalg.norm(states[:, 3:], axis=1), limit.margin(states)
+    allowed = np.where(during, speeds + margins, np.nan)
+    unit = units.speed_unit(float(np.nanmax([speeds, allowed])))
+    ticks, dot, said = units.clock(path, path.start, path.end), None, "The speed limit does not apply"
+    if during.any():
+        k = int(np.argmin(np.where(during, margins, np.inf)))
+        dot = float(times[k]), float(speeds[k]) / unit.size
+        margin = f"{units.speed(abs(margins[k]))} {'below' if margins[k] >= 0.0 else 'above'} the limit"
+        kept = "Speed limit kept" if limit.holds(path) else "Speed limit not kept"
+        said = f"{kept}: {margin} at {ticks.text(dot[0])}"
+    curves = [Curve(times, allowed / unit.size, "limit", ZONE, width=1.6)]
+    curves.append(Curve(times, speeds / unit.size, "speed", dot=dot))
+    panel = Panel(f"speed [{unit.name}]", curves)
+    figure = series(said, [panel], ticks, path.start, path.end)
+    axes, top = figure.axes[0], figure.axes[0].get_ylim()[1]
+    axes.fill_between(ticks(times), allowed / unit.size, top, color=ZONE, alpha=0.2, linewidth=0)
+    return figure
 
 
 def vector(name: str, given: ArrayLike, count: int) -> Floats:

@@ -124,6 +124,7 @@ Progress = Callable[[int, int], object] | None
 CLASSES = {  # results and objects of this package, each with the words for it
     "Zone": "Keep-out zone of the pair.",
     "ApproachCone": "Approach corridor, which is drawn by four lines on its surface.",
+    "SpeedLimit": "Limit of the speed of this path.",
     "Uncertainty": "Uncertainty of the other spacecraft.",
     "Thrusters": "Thrusters for which the plan was made; d . p of the best replaces the primer magnitude.",
     "TransferCostTable": "Table from `transfer_cost_table`.",

@@ -48,6 +48,11 @@ def short_names(names: Sequence[str] | None, count: int, what: str = "craft", lo
     return [name if legible(name) == name else f"#{k}" for k, name in enumerate(short, 1)]
 
 
+def obstacle_labels(count: int) -> list[str]:
+    """Return labels of obstacles without names: their indices, unless there is only one."""
+    return ["obstacle"] if count == 1 else [f"obstacle {k}" for k in range(count)]
+
+
 def legible(text: str) -> str:
     """Return a text with a question mark in place of each character that the font does not contain."""
     font = get_font(findfont(FontProperties()))

@@ -561,6 +561,10 @@ def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
     """Yield pictures of the avoiding spacecraft and of those that share the zone of the closest approach."""
     moved, before = result.result, result.before
     craft, path, around = moved.craft, moved.direct, moved.plan.path
+    corridor, limit = (moved.required.get(name) for name in ("approach corridor", "speed limit"))
+    planned = path if around is None else around
+    if limit is not None:
+        yield Picture("speed", f"Speed of {craft} and its limit", "speed", (planned, limit))
     if not moved.others:
         return
     approaches = [
@@ -583,16 +587,17 @@ def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
         )
         yield Picture("two-ways", caption, "two_ways", pair, {"name": other})
     paths, labels = [path], [craft]
-    if around is not None:
+    if around is not None or corridor is not None:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
-        both, options = (path, around, [before.path(name) for name in names], zone), {"names": names}
-        planned = "as planned, not as executed" if result.pulsed is not None else ""
+        both, options = (path, planned, [before.path(name) for name in names], zone), {"names": names}
+        when = "as planned, not as executed" if result.pulsed is not None else ""
         caption = f"The path of {craft} before and after"
-        corridor = {"corridor": moved.required.get("approach corridor")}
-        yield Picture("before-after", caption, "before_after", both, options | corridor, shows=planned)
+        with_corridor = options | {"corridor": corridor}
+        yield Picture("before-after", caption, "before_after", both, with_corridor, shows=when)
         caption = f"Clearance ratio of {craft} to the zones of the others, before and after"
-        yield Picture("nearness", caption, "ratios", both, options, shows=planned)
-        paths, labels = [path, around], ["before", "after"]
+        yield Picture("nearness", caption, "ratios", both, options, shows=when)
+        if around is not None:
+            paths, labels = [path, around], ["before", "after"]
     else:
         formation = {"names": before.names, "zone": mission.scenario.zones}
         caption = "The direct paths of all"
