@@ -28,6 +28,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 FLOWN = (
     "cluster",
     "cubesats",
+    "docking",
     "tpf",
     "passive_inspector",
     "s04_counterexample",
@@ -183,7 +184,8 @@ def test_pairs_have_the_zones_of_the_scenario() -> None:
                 zone = zones.between(one, other)
                 assert (zone is None) == (number < 0 or not moving)
                 if zone is not None:
-                    assert page["zones"][number]["norm"] == pytest.approx(zone.matrix.ravel().tolist())
+                    axes = np.reshape(page["zones"][number]["axes"], (3, 3))
+                    assert axes @ zone.matrix == pytest.approx(np.eye(3), abs=1e-12)
 
 
 ZONES = {
@@ -198,37 +200,39 @@ ZONES = {
 
 @pytest.mark.parametrize("zone", ZONES.values(), ids=ZONES)
 def test_solids_of_zones(zone: cf.Zone) -> None:
-    """`axes` takes the unit shape to the surface; a mesh is closed, turned outwards, as large as its hull."""
+    """`axes` takes the unit shape to the surface; flat faces are the hull of as many corners, as far out."""
     found = record(zone)
-    axes, norm = np.reshape(found["axes"], (3, 3)), np.reshape(found["norm"], (3, 3))
-    assert axes @ norm == pytest.approx(np.eye(3), abs=1e-12)
-    if found["mesh"] is None:
+    if found["shape"] != "faces":
         rim = {"ball": [0.6, 0.0, 0.8], "box": [1.0, 0.3, -0.2], "cylinder": [0.6, 0.8, 0.1]}[found["shape"]]
-        assert zone.norm(axes @ rim) == pytest.approx(1.0)
+        assert zone.norm(np.reshape(found["axes"], (3, 3)) @ rim) == pytest.approx(1.0)
         return
-    corners, triangles = np.array(found["mesh"]["corners"]), np.array(found["mesh"]["triangles"])
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    assert sorted(map(tuple, edges.tolist())) == sorted(map(tuple, edges[:, ::-1].tolist()))
-    volume = (
-        np.einsum(
-            "ti,ti->", corners[triangles[:, 0]], np.cross(*corners[triangles[:, 1:]].transpose(1, 0, 2))
-        )
-        / 6
-    )
-    assert volume == pytest.approx(ConvexHull(corners).volume)
-    assert (zone.norm(0.999 * corners) < 1.0).all()
-    assert len(corners) - len(found["mesh"]["edges"]) + len(zone_faces(found)) == 2  # Euler
+    corners = np.array(found["corners"])
+    assert len(ConvexHull(corners).vertices) == len(corners) >= 4
+    if zone.bounded:
+        assert zone.norm(corners) == pytest.approx(1.0)
+        ways = np.random.default_rng(4).normal(size=(50, 3))
+        assert (ways @ corners.T).max(axis=1) == pytest.approx(zone.support(ways))
 
 
-def zone_faces(found: dict) -> set:
-    """The planes of a mesh's triangles."""
-    corners = np.array(found["mesh"]["corners"])
-    planes = set()
-    for a, b, c in found["mesh"]["triangles"]:
-        normal = np.cross(corners[b] - corners[a], corners[c] - corners[a])
-        normal /= np.linalg.norm(normal)
-        planes.add(tuple(np.append(normal, normal @ corners[a]).round(6) + 0.0))
-    return planes
+def test_corridor_and_speed_limit_are_those_of_the_stage() -> None:
+    page, (result,) = seen("docking"), mission("docking").results
+    corridor, limit = (result.result.required[name] for name in ("approach corridor", "speed limit"))
+    (region,) = page.record["regions"]
+    assert (region["name"], region["start"], region["end"]) == ("approach corridor", 0.0, result.end)
+    corners = np.array(page.record["zones"][region["zone"]]["corners"]) + region["middle"]
+    along = corners @ [0.0, -1.0, 0.0]
+    assert along.min() == pytest.approx(0.0, abs=1e-9)
+    assert along.max() == pytest.approx(200.0, rel=1e-3)  # where the path begins
+    outside = corridor.margin(np.pad(corners, ((0, 0), (0, 3))))
+    assert (outside <= 1e-9).all()
+    assert (outside >= -0.004 * (0.5 + along * np.tan(np.radians(10.0)))).all()
+    (curve,) = (one for one in page.record["series"] if one["kind"] == "speed")
+    times, speed, most = (page.rows(curve[key]) for key in ("times", "values", "limit"))
+    states = result.after.path("Chaser").state(times)
+    assert speed == pytest.approx(np.linalg.norm(states[:, 3:], axis=1), rel=1e-6, abs=1e-9)
+    assert most == pytest.approx(0.05 + 1e-3 * -states[:, 1], rel=1e-6)
+    assert (speed <= most + 1e-6).all()
+    assert limit.holds(result.after.path("Chaser"))
 
 
 @pytest.mark.parametrize("name", ["tpf", "s04_counterexample"])

@@ -68,6 +68,7 @@ export interface Scene {
   zones: Zone[];
   /** The `zones` of each pair. */
   pairs: Pairs;
+  regions: Region[];
   stages: Stage[];
   /** Flown first; each kind in order of stage, then craft. */
   tracks: Track[];
@@ -111,20 +112,15 @@ export interface Craft {
 /**
  * A convex body about the origin, in the frame of positions.
  *
- * ball: |M r| <= 1; box: max |(M r)_i| <= 1; cylinder: hypot((M r)_0, (M r)_1) <= 1 and |(M r)_2| <= 1;
- * faces: F M r <= 1 in each row. For ball, box and cylinder draw the unit shape (a cylinder along its third axis)
- * with `axes`, the inverse of M: point = axes * unit point.
+ * A ball, a box or a cylinder is the unit shape (a cylinder along its third axis) times `axes`; "faces" is the
+ * convex hull of its `corners`.
  */
 export interface Zone {
   shape: "ball" | "box" | "cylinder" | "faces";
-  /** M, rows one after another, [1/m]: the norm of r (1 on the surface) follows as above. */
-  norm: number[];
-  /** Inverse of M, rows one after another, [m]. */
+  /** Rows of a matrix one after another [m]: point = axes * point of the unit shape. */
   axes: number[];
-  /** Rows of F for "faces", else []. */
-  faces: number[][];
-  /** For "faces": corners [m], triangles as triples of corners (outward), edges as pairs; else null. One without end is cut off. */
-  mesh: { corners: Vector[]; triangles: [number, number, number][]; edges: [number, number][] } | null;
+  /** For "faces" [m], else []. One without end is cut off. */
+  corners: Vector[];
   /** Of a ball that holds it, as drawn [m]. */
   radius: number;
 }
@@ -134,6 +130,22 @@ export interface Zone {
  * neither `moves`. `null` where craft are so many and so unlike that no table is written.
  */
 export type Pairs = { kind: number[]; table: number[][]; moves: boolean[] } | null;
+
+/**
+ * A region that a craft must not leave: an approach corridor, as far as the path reaches, or the tolerance of a
+ * waypoint, which has equal `start` and `end`.
+ */
+export interface Region {
+  name: string;
+  craft: Index;
+  stage: number;
+  /** [s] between which it holds, during the stage. */
+  start: number;
+  end: number;
+  zone: Index;
+  /** Where the middle of the zone is [m]. */
+  middle: Vector;
+}
 
 export interface Stage {
   /** From 1. */
@@ -297,7 +309,7 @@ export interface Event {
 
 /** A curve of the strip chart. Curves of one `times` share its block. NaN: a gap. */
 export interface Series {
-  kind: "ratio" | "range" | "thrust" | "delta-v";
+  kind: "ratio" | "range" | "speed" | "thrust" | "delta-v";
   /** What it is, such as "F6 - F8". */
   name: string;
   /** "× zone", "m", "m/s²", "m/s". */
@@ -308,4 +320,6 @@ export interface Series {
   times: Block;
   /** f4, one column. Linear between; "delta-v" of impulses jumps by two rows at one time. */
   values: Block;
+  /** The same for the limit of a speed; else null. */
+  limit: Block | null;
 }

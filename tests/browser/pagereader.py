@@ -10,7 +10,7 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-EXAMPLES = ("swap", "three_sigmas", "passive_inspector", "tpf", "station_ellipsoid")
+EXAMPLES = ("swap", "three_sigmas", "passive_inspector", "tpf", "station_ellipsoid", "docking")
 SOFTWARE = [  # what lets Chromium draw without a graphics card
     "--no-sandbox",
     "--use-angle=swiftshader",

@@ -1,4 +1,4 @@
-// Guards: keep-out zones as glass, and uncertainty ellipsoids.
+// Guards: keep-out zones and regions that craft must not leave as glass, and uncertainty ellipsoids.
 
 import { AS_IT_IS, axesOf, shapeOf, SHAPES, Solids } from "./solids.js";
 import { root, Tube } from "./tube.js";
@@ -13,6 +13,7 @@ export class Guards {
       const key = this.shapes[k];
       if (!this.zones.has(key)) this.zones.set(key, new Solids(shapeOf(zone), room));
     });
+    this.regions = scene.regions.map((region) => ({ ...region, solids: new Solids(shapeOf(scene.zones[region.zone]), 1, { side: "both" }) }));
     this.tubes = scene.tubes.map((entry) => {
       const stage = scene.stages.find(({ number }) => number === entry.stage);
       return new Tube(entry, stage, moment.ways[entry.craft], scene);
@@ -59,6 +60,12 @@ export class Guards {
       put(zone, ghost ? ghost.position(moment.time) : moment.positions[resting], palette.conflict, when === "after" ? 0.7 : 0.5);
     }
     for (const solids of this.zones.values()) solids.finish();
+    for (const { solids, stage, start, end, zone, middle } of this.regions) {
+      solids.clear();
+      const holds = start <= moment.time && moment.time <= end;
+      if (moment.stage?.number === stage) solids.put(axesOf(scene.zones[zone]), middle, palette.region, holds ? 0.3 : 0.15);
+      solids.finish();
+    }
 
     this.spreads.clear();
     for (const outline of this.outlines) {

@@ -15,6 +15,7 @@ function entries(scene) {
     ["drifts", "drift", "drift from loss of thrust (✕) to closest approach (◆)", has("drift")],
     ["conflicts", "conflict", when("after") ? "in conflict" : "in conflict before avoidance", scene.conflicts.length > 0],
     ["zones", "zone", "keep-out zone for the centres of other spacecraft", scene.craft.some(({ zone }) => zone >= 0)],
+    ["regions", "region", [...new Set(scene.regions.map(({ name }) => name))].join(", "), scene.regions.length > 0],
     ["errors", "tube", `position uncertainty: ${sigmas} sigma`, scene.tubes.length > 0],
     ["cones", "cone", "sensor cones of groups A and B, sun shades", scene.searches.length > 0],
     ["locks", "lock", "in lock now (thick), locked before (dashed)", scene.searches.length > 0],

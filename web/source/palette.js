@@ -1,6 +1,6 @@
 // Colours: those of the style sheet for the theme that holds, and those of craft, readable on either ground.
 
-const NAMES = ["paper", "panel", "ink", "quiet", "line", "grid", "conflict", "zone", "before", "drift", "thrust", "sun",
+const NAMES = ["paper", "panel", "ink", "quiet", "line", "grid", "conflict", "zone", "region", "before", "drift", "thrust", "sun",
   "shade", "tube", "lock", "cone-a", "cone-b", "radial", "along", "cross"];
 // Sets: formation, then knowledge sets in turn. As in the other pictures.
 const SETS = { light: ["#202124", "#009e73", "#c0609a", "#b59b00", "#3a9bd6"], dark: ["#ffffff", "#2cc79b", "#e08cbc", "#f0e442", "#6cc3f5"] };

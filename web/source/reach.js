@@ -32,6 +32,11 @@ export function reaches(scene, moment, { tubes, cone, least }) {
       const room = Math.sqrt(Math.max(0, xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)));
       [low, high] = [Math.min(low, at - room), Math.max(high, at + room)];
     }
+    for (const { middle, zone } of scene.regions) {
+      const at = dot(middle, direction);
+      const back = direction.map((one) => -one);
+      [low, high] = [Math.min(low, at - support(scene.zones[zone], back)), Math.max(high, at + support(scene.zones[zone], direction))];
+    }
     return low <= high ? [low, high] : [-1, 1];
   };
   const size = Math.max(...scene.low.map((low, i) => scene.high[i] - low), 1);
@@ -48,8 +53,8 @@ export function reaches(scene, moment, { tubes, cone, least }) {
 }
 
 /** How far a zone goes from its middle. */
-function support({ shape, axes, mesh, radius }, direction) {
-  if (mesh) return Math.min(radius, Math.max(...mesh.corners.map((corner) => dot(corner, direction))));
+function support({ shape, axes, corners, radius }, direction) {
+  if (shape === "faces") return Math.min(radius, Math.max(...corners.map((corner) => dot(corner, direction))));
   const parts = [0, 1, 2].map((j) => axes[j] * direction[0] + axes[3 + j] * direction[1] + axes[6 + j] * direction[2]);
   if (shape === "ball") return Math.hypot(...parts);
   if (shape === "cylinder") return Math.hypot(parts[0], parts[1]) + Math.abs(parts[2]);

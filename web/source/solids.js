@@ -3,9 +3,12 @@
 import {
   BackSide, BufferAttribute, BufferGeometry, ConeGeometry, CylinderGeometry, DoubleSide, BoxGeometry, DynamicDrawUsage,
   EdgesGeometry, FrontSide, InstancedBufferAttribute, InstancedBufferGeometry, LineSegments, Mesh, ShaderMaterial,
-  SphereGeometry,
+  SphereGeometry, Vector3,
 } from "three";
+import { ConvexGeometry } from "three/addons/geometries/ConvexGeometry.js";
 import { rgb } from "./palette.js";
+
+const SMOOTH = 12; // degrees between two faces up to which no edge is drawn
 
 const VERTEX = `
 attribute vec3 first, second, third, middle; // columns of the matrix that makes the body of the unit shape
@@ -57,20 +60,18 @@ export const AS_IT_IS = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 /** The shape of a zone of the scene: [faces, edges]. */
 export function shapeOf(zone) {
-  return zone.mesh ? polyhedron(zone.mesh) : SHAPES[zone.shape]();
+  return zone.shape === "faces" ? polyhedron(zone.corners) : SHAPES[zone.shape]();
 }
 
 /** The matrix that makes the zone of its shape. */
 export function axesOf(zone) {
-  return zone.mesh ? AS_IT_IS : zone.axes;
+  return zone.shape === "faces" ? AS_IT_IS : zone.axes;
 }
 
 /** Faces and edges of a convex body by its corners. */
-function polyhedron({ corners, triangles, edges }) {
-  const pick = (rows) => new BufferAttribute(new Float32Array(rows.flat().flatMap((k) => corners[k])), 3);
-  const faces = new BufferGeometry().setAttribute("position", pick(triangles));
-  faces.computeVertexNormals();
-  return [faces, new BufferGeometry().setAttribute("position", pick(edges))];
+function polyhedron(corners) {
+  const faces = new ConvexGeometry(corners.map((corner) => new Vector3(...corner)));
+  return [faces, new EdgesGeometry(faces, SMOOTH)];
 }
 
 function circles(planes, heights = [0], steps = 64) {

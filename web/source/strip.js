@@ -6,8 +6,9 @@ import { rowAt } from "./scene.js";
 import { TimeScale } from "./timescale.js";
 import { clock, measured, niceStep, plain, timeStep } from "./units.js";
 
-export const TITLES = { ratio: "Clearance ratio", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
+export const TITLES = { ratio: "Clearance ratio", range: "Range", speed: "Speed", thrust: "Thrust", "delta-v": "Delta-v so far" };
 const [LEFT, RIGHT, ABOVE, BELOW] = [44, 10, 22, 15];
+const LIMIT = { width: 1.4, dash: [5, 3] }; // look of a limit
 const VALUE = 100; // pixels of the longest value with its unit, and of the gaps around it
 const NEARBY = 6; // zones up to which ratios are of interest
 const DECADES = 30; // greatest over least from which on the scale is logarithmic
@@ -27,11 +28,11 @@ export class Strip extends TimeScale {
     this.said = element("span", { class: "said" }, this.name, this.value);
     box.append(canvas, this.now, this.then, this.dot, this.said);
     this.curves = scene.series.filter((one) => one.kind === kind)
-      .map((one) => ({ ...one, t: scene.numbers(one.times), v: scene.numbers(one.values) }));
+      .map((one) => ({ ...one, t: scene.numbers(one.times), v: scene.numbers(one.values), limit: one.limit && scene.numbers(one.limit) }));
     this.unit = this.curves[0]?.unit ?? "";
     let [least, most] = [Infinity, -Infinity];
-    for (const { v } of this.curves) {
-      for (const one of v) if (Number.isFinite(one)) [least, most] = [Math.min(least, one), Math.max(most, one)];
+    for (const { v, limit } of this.curves) {
+      for (const one of [...v, ...(limit ?? [])]) if (Number.isFinite(one)) [least, most] = [Math.min(least, one), Math.max(most, one)];
     }
     if (kind === "ratio") [least, most] = [Math.min(least, 1), Math.max(1.5, most)];
     this.log = least > 0 && most / least > DECADES && (kind === "range" || kind === "ratio");
@@ -68,7 +69,8 @@ export class Strip extends TimeScale {
       const ranked = [...this.curves].sort((a, b) => this.own(a) - this.own(b));
       for (const curve of ranked) {
         const own = this.own(curve) || this.curves.length <= 3;
-        pen.line(this.points(curve), this.colour(curve), { width: own ? 1.7 : 1, alpha: own ? 1 : 0.35 });
+        pen.line(this.points(curve, curve.v), this.colour(curve), { width: own ? 1.7 : 1, alpha: own ? 1 : 0.35 });
+        if (curve.limit) pen.line(this.points(curve, curve.limit), palette.conflict, LIMIT);
       }
     });
   }
@@ -83,8 +85,8 @@ export class Strip extends TimeScale {
     return this.palette.craft(this.scene.craft[craft.length > 1 ? other : craft[0]].colour);
   }
 
-  /** Points of a curve, a few for each pixel. */
-  points({ t, v }) {
+  /** Points of the values of a curve, a few for each pixel. */
+  points({ t }, v) {
     const points = [];
     const every = Math.max(1, Math.floor(t.length / (4 * this.width)));
     for (let k = 0; k < t.length; k += every) if (Number.isFinite(v[k])) points.push([this.x(t[k]), this.y(v[k])]);
@@ -106,7 +108,7 @@ export class Strip extends TimeScale {
     });
     if (this.kind === "ratio") {
       const y = this.y(1);
-      pen.line([[LEFT, y], [width - RIGHT, y]], palette.conflict, { width: 1.4, dash: [5, 3] });
+      pen.line([[LEFT, y], [width - RIGHT, y]], palette.conflict, LIMIT);
     }
     const long = timeStep((70 * (scene.end - scene.start)) / (width - LEFT) || 1);
     for (let k = Math.ceil(scene.start / long); k * long <= scene.end; k++) {

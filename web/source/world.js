@@ -27,6 +27,7 @@ export class World {
     this.grid = new Ribbons(GRID, { order: 0.2 });
     this.put("grid", [this.grid]);
     this.put("zones", [...this.guards.zones.values()]);
+    this.put("regions", this.guards.regions.map(({ solids }) => solids));
     this.put("errors", [this.guards.spreads, ...this.guards.outlines]);
     this.put("cones", [this.bodies.cones, this.bodies.shades]);
     this.put("locks", [this.bodies.locks]);

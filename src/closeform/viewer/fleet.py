@@ -1,11 +1,9 @@
 """Craft of a scene with their models and zones, and the zone of each pair."""
 
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
 from closeform.motion.arc import IMPULSE
 from closeform.plots.drawing.palette import colours, written
 from closeform.viewer.shown import Shown
@@ -21,7 +19,6 @@ from closeform.zones.zone import Zone
 BODY = 0.25  # of the largest ball in a zone: size of the model of a craft without a hard body
 SMALL = 0.008  # of the scene: size of the model without a zone either
 NAMES = {BALL: "ball", CUBE: "box", CYLINDER: "cylinder", FACES: "faces"}
-ON = 1e-9  # of a face's offset: tolerance for a corner on the face
 
 
 class Solids:
@@ -46,37 +43,10 @@ def record(zone: Zone) -> dict[str, Any]:
     shown = drawn(zone)
     return {
         "shape": NAMES[zone.shape],
-        "norm": zone.matrix.ravel().tolist(),
         "axes": np.linalg.inv(zone.matrix).ravel().tolist(),
-        "faces": zone.faces.tolist(),
-        "mesh": mesh(shown) if zone.shape == FACES else None,
+        "corners": shown.vertices.tolist() if zone.shape == FACES else [],
         "radius": shown.radius,
     }
-
-
-def mesh(zone: Zone) -> dict[str, Any]:
-    """Return the corners, outward triangles and edges of a bounded zone of half-spaces."""
-    corners, ways = zone.vertices, zone.faces @ zone.matrix
-    on = corners @ ways.T > 1.0 - ON
-    triangles = [
-        triangle for face, normal in zip(on.T, ways, strict=True) for triangle in fan(corners, face, normal)
-    ]
-    edges = [[a, b] for a, b in combinations(range(len(corners)), 2) if int((on[a] & on[b]).sum()) > 1]
-    return {"corners": corners.tolist(), "triangles": triangles, "edges": edges}
-
-
-def fan(corners: Floats, face: Any, normal: Floats) -> list[list[int]]:
-    """Return the triangles of one face, whose normal is along `normal`, counterclockwise."""
-    members = np.flatnonzero(face)
-    if len(members) < 3:
-        return []
-    middle = corners[members].mean(axis=0)
-    right = corners[members[0]] - middle
-    up = np.cross(normal, right)
-    spokes = corners[members] - middle
-    around = np.arctan2(spokes @ up / np.linalg.norm(up), spokes @ right / np.linalg.norm(right))
-    ordered = members[np.argsort(around)].tolist()
-    return [[ordered[0], one, other] for one, other in zip(ordered[1:-1], ordered[2:], strict=True)]
 
 
 def fleet(shown: Shown, solids: Solids, size: float) -> list[dict[str, Any]]:

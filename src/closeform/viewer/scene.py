@@ -15,6 +15,7 @@ from closeform.viewer.failures import failures
 from closeform.viewer.fleet import Solids, fleet, pairs
 from closeform.viewer.meetings import approaches, conflicts
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.requirements import regions
 from closeform.viewer.searches import locks, searches
 from closeform.viewer.series import series
 from closeform.viewer.shown import Shown
@@ -56,6 +57,7 @@ def scene_of(shown: Shown, pictures: Sequence[tuple[str, str]] = (), report: str
         "craft": craft,
         "zones": solids.records,
         "pairs": kept,
+        "regions": regions(shown, solids),
         "stages": stages(shown),
         "tracks": ways,
         "searches": searches(shown, numbers),

@@ -1,4 +1,4 @@
-"""Curves of the strip chart: clearance ratios and ranges of pairs, thrust and spent delta-v."""
+"""Curves of the strip chart: clearance ratios and ranges of pairs, speeds, thrust and spent delta-v."""
 
 from dataclasses import dataclass
 from math import nan
@@ -10,18 +10,20 @@ from closeform.arrays import Floats
 from closeform.mission.mission_result import StageResult
 from closeform.viewer.meetings import places_of, worth_watching
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.requirements import speeds
 from closeform.viewer.shown import Shown
 from closeform.viewer.thrusts import instants, is_pulsed, spent, thrust_of
 
 Record = dict[str, Any]
 PAIRS = 30  # largest number of pairs with curves
-UNITS = {"ratio": "× zone", "range": "m", "thrust": "m/s²", "delta-v": "m/s"}
+UNITS = {"ratio": "× zone", "range": "m", "speed": "m/s", "thrust": "m/s²", "delta-v": "m/s"}
 
 
 def series(shown: Shown, numbers: Numbers) -> list[Record]:
     """Return every `Series` of web/scene.d.ts."""
     chart = Chart(shown.names, numbers)
-    return [*nearness(shown, chart), *efforts(shown, chart)]
+    limited = [chart.curve("speed", [craft], *rows) for craft, *rows in speeds(shown)]
+    return [*nearness(shown, chart), *limited, *efforts(shown, chart)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,9 @@ class Chart:
     names: tuple[str, ...]
     numbers: Numbers
 
-    def curve(self, kind: str, craft: list[int], times: Floats, values: Floats) -> Record:
+    def curve(
+        self, kind: str, craft: list[int], times: Floats, values: Floats, limit: Floats | None = None
+    ) -> Record:
         """Return one `Series`."""
         return {
             "kind": kind,
@@ -40,6 +44,7 @@ class Chart:
             "craft": craft,
             "times": self.numbers.block(times, "f8"),
             "values": self.numbers.block(values),
+            "limit": None if limit is None else self.numbers.block(limit),
         }
 
 

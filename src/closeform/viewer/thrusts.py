@@ -30,6 +30,14 @@ def instants(result: StageResult[Any, Any]) -> Floats:
     return np.linspace(result.start, result.end, count + 1)
 
 
+def with_joints(path: Path, times: Floats) -> Floats:
+    """Return times with both sides of each joint between two arcs of one craft's path, if these are few."""
+    joints = path.arcs[1:, START]
+    if len(joints) > JOINTS:
+        return times
+    return np.unique(np.concatenate([times, joints, np.nextafter(joints, -np.inf)]))
+
+
 def is_pulsed(result: StageResult[Any, Any], craft: int) -> bool:
     """Return True if the craft has on-off thrusters in a stage."""
     return result.pulsed is not None and result.after.names[craft] in result.pulsed.names
@@ -77,10 +85,7 @@ def thrust_of(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats
     if not len(stretches(result, craft)):
         return None
     path = result.after.paths[craft]
-    joints = path.arcs[1:, START]
-    times = instants(result)
-    if len(joints) <= JOINTS:
-        times = np.unique(np.concatenate([times, joints, np.nextafter(joints, -np.inf)]))
+    times = with_joints(path, instants(result))
     return times, path.thrust(times)
 
 
