@@ -143,6 +143,34 @@ def test_free_thrust_before_thrusters():
         cf.simulate(swap("energy")[0], FIELD, thrusters=[{0.0: own, 1.0: None}, None])
 
 
+def test_limit_counts_without_thrusters_only():
+    """A limit below the plan's peak cuts the free stage as in a simulation without thrusters."""
+    start, final, duration = task(ORBIT, 7, count=2, turns=0.3)
+    there, wait = ORBIT.transfer(start, final, duration), ORBIT.coast(final, 900.0, duration)
+    back = ORBIT.transfer(wait.state(duration + 900.0), start, duration, duration + 900.0)
+    path, change = cf.stack([cf.join([there[k], wait[k], back[k]]) for k in range(2)]), duration + 450.0
+    own, limit = cf.Thrusters.rtn(acceleration=STRONG, period=60.0), 0.7 * there.peak_thrust.min()
+    sets = [{0.0: None, change: own}, {0.0: own, change: own}]
+    free = cf.simulate(path, FIELD, "open", max_acceleration=limit)
+    mixed, whole = (
+        cf.simulate(path, FIELD, "open", thrusters=sets, max_acceleration=most) for most in (limit, None)
+    )
+    before = np.linspace(0.0, change, 50)
+    places = [one.path(0)[0].position(before) for one in (mixed, free, whole)]
+    assert np.abs(places[0] - places[1]).max() < 0.05  # m; other steps
+    assert np.abs(places[0] - places[2]).max() > 5.0  # m
+    assert not whole.limited.any()
+    assert mixed.limited[0, 0] > 0.05
+    assert mixed.states[0, 1] == pytest.approx(whole.states[0, 1], abs=1e-6)
+    lost = whole.delta_v[0, 0] - mixed.delta_v[0, 0]  # m/s, all in the first stage
+    unlimited = cf.simulate(path, FIELD, "open")
+    first = np.linspace(0.0, duration, 4001)
+    size = np.linalg.norm(cf.compensated_thrust(there, FIELD, every=1.0).commanded[0], axis=1)
+    excess = np.maximum(np.interp(first, np.linspace(0.0, duration, len(size)), size) - limit, 0.0)
+    assert lost == pytest.approx(np.trapezoid(excess, first), rel=0.01)
+    assert free.delta_v[0, 0] < unlimited.delta_v[0, 0]
+
+
 def test_corrections_respect_the_minimum_bit():
     path, _ = swap("energy")
     for bit in (1e-3,):

@@ -104,8 +104,7 @@ class SimulatedRun:
         if run.lost:
             times = {one.craft: one.time for one in run.lost}
             arguments["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
-        if pulsed or fires_impulses(plan):
-            arguments["max_acceleration"] = None
+        arguments["max_acceleration"] = None if fires_impulses(plan) else free_limits(run)
         if pulsed:
             own = thrusters_by_stage(run.scenario, [(one.start, one.stage) for one in run.executed])
             arguments["thrusters"] = own
@@ -320,6 +319,18 @@ def differs(control: Control, arguments: dict[str, Any]) -> bool:
 def fires_pulses(run: Stages) -> bool:
     """Return True if a craft has thrusters in any stage."""
     return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
+
+
+def free_limits(run: Stages) -> Floats | None:
+    """Return the largest limit (N,) [m/s^2] of each craft's thrust without thrusters; None without limits."""
+    scenario, most = run.scenario.truth, np.zeros(len(run.scenario.names))
+    for stage in (one.stage for one in run.executed):
+        moving = np.isin(scenario.names, stage.moving(scenario.names))
+        crew = scenario.craft_in(stage)
+        own = [0.0 if craft.fired(1.0) is not None else craft.max_acceleration for craft in crew]
+        most = np.maximum(most, np.where(moving, own, 0.0))
+    most = np.where(most > 0.0, most, [craft.max_acceleration for craft in scenario.craft])
+    return most if np.isfinite(most).any() else None
 
 
 def usually_led(run: Stages, control: Control) -> Feedback:

@@ -395,7 +395,7 @@ def found_lines(simulated: SimulatedRun) -> Iterator[str]:
         if short[name] > 0.0:
             share = f"{100.0 * short[name]:.3g} % of a simulation"
             remedy = "use stronger thrusters, or add one along each axis"
-            yield f"{name}: feedback exceeds its thrusters in up to {share}; {remedy}"
+            yield f"{name}: commands exceed its thrust in up to {share}; {remedy}"
     for name, aside in simulated.unled.items():
         yield f"{name}: an axis without a thruster is not controlled; deviation up to {aside:.3g} m"
 

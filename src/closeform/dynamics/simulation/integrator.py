@@ -5,7 +5,7 @@ step is then proportional to that difference. Simulations run in parallel lanes,
 is read once for all of them, and loops over lanes become vector instructions.
 """
 
-from math import cos, sin, sqrt
+from math import cos, inf, sin, sqrt
 from typing import Any, NamedTuple
 
 from numba import float64, int64, types, void
@@ -148,8 +148,12 @@ def add_noise(steps, lanes, step, pushes):
 
 @kernel(inline=True)
 def thrust_of_step(steps, lanes, step, half, weight, u, back, out):
-    """Fill `out` (3, LANES) with the inertial thrust in a step; add its weighted size to the delta-v."""
+    """Fill `out` (3, LANES) with the inertial thrust in a step; add its weighted size to the delta-v.
+
+    Planned pulses have no limit, and their delta-v is counted per thruster elsewhere.
+    """
     law, axes = steps.law[steps.law_rows[step] + half], steps.axes[2 * step + half]
+    free = steps.sets[step] < 0
     for m in range(LANES):
         for axis in range(3):
             u[axis, m] = steps.thrust[int(lanes[CRAFT, m]), step, half, axis]
@@ -158,16 +162,17 @@ def thrust_of_step(steps, lanes, step, half, weight, u, back, out):
                 back[axis, m] += law[axis, k] * lanes[BELIEVED + k, m]
     for m in range(LANES):
         x, y, z = u[0, m] + back[0, m], u[1, m] + back[1, m], u[2, m] + back[2, m]
-        size, most = sqrt(x * x + y * y + z * z), lanes[LIMIT, m]
+        size = sqrt(x * x + y * y + z * z)
+        most = lanes[LIMIT, m] if free | (lanes[LIMIT, m] == 0.0) else inf
         share = most / size if size > most else 1.0
-        lanes[SPENT, m] += weight * min(size, most)
+        lanes[SPENT, m] += weight * min(size, most) if free else 0.0
         lanes[SPENT + 1, m] += weight if (size > most) & (most > 0.0) else 0.0
         x, y, z = with_errors(lanes, m, BACK, share * back[0, m], share * back[1, m], share * back[2, m])
         u[0, m], u[1, m], u[2, m] = with_errors(
             lanes, m, OWN, share * u[0, m], share * u[1, m], share * u[2, m]
         )
         u[0, m], u[1, m], u[2, m] = u[0, m] + x, u[1, m] + y, u[2, m] + z
-    if steps.sets[step] >= 0:
+    if not free:
         for m in range(LANES):
             for k in range(3):
                 u[k, m] += lanes[BURN + k, m]

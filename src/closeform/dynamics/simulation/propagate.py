@@ -91,13 +91,12 @@ def propagate(
     given = errors.measured, errors.thrust, errors.events, np.ascontiguousarray(errors.noise)
     _in_threads(field, steps, (starts, *given, states, fired, spent))
     nominal, arrivals, free = _planned_delta_v(steps), states, steps.sets < 0
-    if commands.thrusters is not None:  # the integrator counts simultaneous pulses as their sum
+    if commands.thrusters is not None:
         over = min(float(grid.nodes[-1]), float(commands.engines.lost[0]))
         pulses = commands.thrusters.pulses
         pulsed = impulse_until(pulses, over) - impulse_until(pulses, min(float(grid.nodes[0]), over))
-        changed = pulsed + _planned_delta_v(steps, free) - nominal
-        spent[..., 0] += changed
-        nominal = nominal + changed
+        spent[..., 0] += pulsed
+        nominal = nominal + pulsed
     if (kicks := free[grid.impulses >= 0]).any():
         arrivals = states.copy()
         arrivals[:, :, grid.outputs[(grid.impulses >= 0) & free], 3:] -= fired[:, :, kicks]
@@ -128,13 +127,10 @@ def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:
         list(pool.map(some, parts))
 
 
-def _planned_delta_v(steps: Steps, some: Any = True) -> Floats:
-    """Return the delta-v of planned thrust and impulses (N,) [m/s], by the quadrature of the integrator.
-
-    `some` (K + 1,): nodes from which on it counts.
-    """
+def _planned_delta_v(steps: Steps) -> Floats:
+    """Return the delta-v of planned free thrust and impulses (N,) [m/s], as the integrator counts it."""
     running = np.arange(len(steps.lengths) + 1) < np.where(steps.limits > 0.0, steps.losses, 0)[:, None]
-    running = running & some
+    running &= steps.sets < 0
     size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, None, None])
     thrust = size @ [1.0, 4.0, 1.0] * running[:, :-1] @ steps.lengths / 6.0
     return np.asarray(thrust + (np.linalg.norm(steps.planned_impulses, axis=2) * running).sum(axis=1))

@@ -87,8 +87,8 @@ def simulate(
         Bounds on each spacecraft's relative thrust error and on its direction error. They are uniformly
         distributed and constant through a simulation.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        Thrust limit; `limited` reports the fraction of time at the limit. Cannot be combined with impulses or
-        thrusters.
+        Limit of thrust without thrusters; `limited` reports the fraction of time at the limit. Cannot be
+        combined with impulses.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
     thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
@@ -161,15 +161,10 @@ def simulate(
     )
     believed = known or field
     engines = Engines.of(running_engines(engine, paths, believed, own_sets), limit, least, lost_at)
-    thrusters_alone = cancel and limit.min() == np.inf and least == 0.0
     if control == "replan":
         _check_replanning(zones, asked_law, fires, cancel, lost_at)
-        if pulsed and limit.min() < np.inf:
-            raise ValueError("thrusters: cannot be combined with max_acceleration; remove it")
-    elif pulsed and not thrusters_alone:
-        raise ValueError(
-            "thrusters: cannot be combined with max_acceleration, minimum_bit or cancel=False; remove these"
-        )
+    elif pulsed and not (cancel and least == 0.0):
+        raise ValueError("thrusters: cannot be combined with minimum_bit or cancel=False; remove these")
     law, planner = None if control == "open" else asked_law, None
     if pulsed and law is not None:
         law = pulse_feedback(law, own_sets)
@@ -382,7 +377,7 @@ class Replanner:
                 zones,
                 start=begin,
                 obstacles=coasting,
-                max_acceleration=limits if np.isfinite(limits).all() else None,
+                max_acceleration=limits if np.isfinite(limits).any() else None,
                 if_blocked=("more sides",),
                 margin=share * self.margin,
             )
