@@ -39,6 +39,7 @@ SECTIONS = {
     "sigmas": 1,
     "probability": None,
     "planning": 1,
+    "combined": 1,
     "field": None,
     "basilisk": 1,
     "kernels": 1,
