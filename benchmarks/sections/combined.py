@@ -41,7 +41,7 @@ def measure(quick: bool) -> Report:
         figures.append(figure)
     columns = ["task", "planned", "cost over a single one's, median", "maximum", "median time", "maximum"]
     note = (
-        "Minimum delta-v. The cost is relative to the costlier of the same transfers with a single requirement. "
+        "Minimum delta-v. The cost is relative to that of the costlier plan with a single requirement. "
         "The least thrust is that of the transfer alone."
     )
     approach, fast = approaches(quick)

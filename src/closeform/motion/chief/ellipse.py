@@ -6,8 +6,7 @@ from typing import cast
 import numpy as np
 
 from closeform.arrays import number, positive
-from closeform.motion.elements.mean_motion import low
-from closeform.motion.elements.mean_motion import EARTH_RADIUS
+from closeform.motion.elements.mean_motion import EARTH_RADIUS, low
 
 # Above, the shortest windows are those of seconds, and the transition matrix of a revolution loses digits.
 LARGEST = 0.9
