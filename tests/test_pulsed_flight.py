@@ -115,7 +115,7 @@ def test_margins_of_thrusters_that_change():
     flights = cf.simulate(path, FIELD, navigation=SIGHT, thrusters=sets, seeds=40)
     assert (flights.deviations.max(axis=(0, 2)) < found.greatest).all()
     assert (flights.deviations.max(axis=(0, 2)) > 0.2 * found.greatest).all()
-    with pytest.raises(ValueError, match="^thrusters: "):
+    with pytest.raises(ValueError, match=r"^thrusters: "):
         cf.tracking_margins(path, FIELD, thrusters=[{0.0: None, change: second}, None])
 
 

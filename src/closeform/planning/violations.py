@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from closeform.planning.delta_v.path_requirements import requirement_checks
 from closeform.planning.problem.problem import Problem, Trajectories
 
 MOST = 4  # violations that are reported
@@ -50,12 +51,9 @@ def broken_requirements(
     problem: Problem, trajectories: Trajectories, names: Sequence[str]
 ) -> Iterator[Violation]:
     """Yield each requirement on a single spacecraft that its path violates, where it does so most."""
-    paths = problem.path(trajectories)
-    for i, own in enumerate(problem.requirements_among(trajectories)):
-        for one in own:
-            worst, kind = one._worst(paths[i]), type(one).__name__
-            if worst.margin < 0.0:
-                by = f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"
-                yield Violation(f"{names[i]} violates its {kind} {by}")
-            elif not one.holds(paths[i]):
-                yield Violation(f"{names[i]} is not shown to keep its {kind}")
+    for i, one, worst, kept in requirement_checks(problem, trajectories):
+        if kept:
+            continue
+        kind, by = type(one).__name__, f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"
+        says = f"violates its {kind} {by}" if worst.margin < 0.0 else f"is not shown to keep its {kind}"
+        yield Violation(f"{names[i]} {says}")

@@ -10,6 +10,7 @@ from closeform.motion.arc import END
 from closeform.planning.delta_v.firing_times import Moments, sizes_of, some_of_each
 from closeform.planning.problem.problem import PairRow, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
+from closeform.planning.requirements.requirement import RequirementCheck
 
 ASTRAY = 1e-6  # of the distance of the ends, or of a metre: larger errors are misses
 WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
@@ -18,13 +19,18 @@ WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
 class Checked(NamedTuple):
     """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these.
 
-    `outside` [reserves] is the largest shortfall of a requirement, 0 if the paths keep all by proof.
+    `required` are the checks of the requirements on single craft.
     """
 
     missed: list[PairRow]
     lost: Contacts
     nearest: float
-    outside: float = 0.0
+    required: list[RequirementCheck]
+
+    @property
+    def outside(self) -> float:
+        """Largest shortfall of a requirement in reserves, 0 if the paths keep all by proof."""
+        return max((one.shortfall for one in self.required), default=0.0)
 
     @property
     def clear(self) -> bool:

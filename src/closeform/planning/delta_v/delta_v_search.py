@@ -135,8 +135,8 @@ def solved(
     """
     problem, free = solver.problem, solver.unconstrained()
     best, begun = searched(solver, free, by_energy, budget, more, near)
-    if best is not None and problem.requirements:
-        free = replace(free, least=max(free.least, solver.requirement_bound(best)))
+    if problem.requirements and solver.required is not None:
+        free = replace(free, least=max(free.least, solver.required.least))
     alone = clear_optimum(solver, free, best)
     if alone is not None:
         alone = in_bits(solver, alone) or alone
@@ -232,13 +232,21 @@ def searched(
     if free.checked.clear:
         return free, []
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
+    solver.requirements.add(free.checked.required)
+    required = solver.required if solver.problem.requirements else free
+    if required is None:
+        if not (solver.requirements.steer or solver.limits.any()):  # all is convex: there are no such paths
+            return None, []
+        required = free
+    if required.clear and required.delta_v <= ENOUGH * required.least:
+        return fewest(solver, required), [required.contacts]
     effort, other = solver.problem.effort, None if near is None else near()
-    solver.closest.note(free.checked.worst, free.trajectories, free.checked.outside)
+    solver.closest.note(required.checked.worst, required.trajectories, required.checked.outside)
     best: Spent | None = None
     begun: list[Contacts] = []
     alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()
     most = budget or ALONE if alone else most
-    for start in chain(starts(solver, free, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
+    for start in chain(starts(solver, required, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
         if len(begun) == most or (alone and best is not None and best.delta_v <= LEAST * free.least):
             break
         if solver.failures is not None and begun and effort.beyond(until * STARTING / ROOMY):
@@ -249,7 +257,7 @@ def searched(
             # planes turn, so that both options of the first start are completed whatever they cost
             bar = inf if best is None or not begun else best.delta_v
             found = solver.solve(start, bar, stride)
-            if found is not None and solver.failures is not None and strayed(solver.problem, free, found):
+            if found is not None and solver.failures is not None and strayed(solver.problem, required, found):
                 continue
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
             if near_bound(solver, best):
@@ -263,13 +271,11 @@ def searched(
         solver.failures.holding = False
     if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
         best = other
-    hop = two_impulses(solver, free)
-    if hop is not None and (best is None or hop.delta_v < best.delta_v):
-        best = hop
+    best = two_impulses(solver, required, best) or best
     best = None if best is None else fewest(solver, best)
     may_cost_less = solver.failures is not None and not solver.limits.any() and not near_bound(solver, best)
-    if may_cost_less and (best is None or best.delta_v > COSTLY * free.delta_v):
-        best = roomier(solver, free, begun, best, until)
+    if may_cost_less and (best is None or best.delta_v > COSTLY * required.delta_v):
+        best = roomier(solver, required, begun, best, until)
     return best, begun
 
 
@@ -280,14 +286,21 @@ def near_bound(solver: ImpulseSolver, best: Spent | None) -> bool:
     """
     if best is None or solver.failures is None or not solver.problem.requirements:
         return False
-    return best.delta_v <= ENOUGH * solver.requirement_bound(best)
+    return solver.required is not None and best.delta_v <= ENOUGH * solver.required.least
 
 
-def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
-    """Return the lowest-cost safe plan of two impulses with waits; None without one or without `drift`."""
+def two_impulses(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:
+    """Return the lowest-cost safe plan of two impulses with waits, if it costs less than the best one.
+
+    There is none without `drift`.
+    """
     if solver.failures is None or solver.limits.any() or solver.pushes.fixed.any():
         return None
+    if near_bound(solver, best):
+        return None
     for times, impulses in islice(two_impulse_plans(solver.problem), HOPS):
+        if best is not None and np.linalg.norm(impulses, axis=2).sum() >= best.delta_v:
+            return None
         moments = [Moments.instants(own, np.zeros(2, dtype=np.int64)) for own in times]
         found = replace(solver.fired_at(moments, impulses, free), margin=AIM)
         if found.checked.clear:
@@ -298,7 +311,7 @@ def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
     """Return clear paths with few impulses at hardly more cost."""
     best = solver.fewest(solver.focused(best))
-    if solver.failures is not None:
+    if solver.failures is not None and not near_bound(solver, best):
         best = solver.fewest(descended(solver, best))
     return solver.without_small(best)
 
@@ -399,6 +412,9 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
     within a limit, that of impulses in any direction; with a loss of thrust, safe plans of minimum energy.
     """
     problem, limited = solver.problem, solver.limits.any()
+    near = beside(problem, free.trajectories, problem.met(free.checked.missed))
+    if problem.requirements:
+        yield near.joined(free.checked.lost)  # sides on which requirements can be kept
     if solver.failures is not None:
         yield from solver.failures.starts()
     elif problem.count > 1 or limited:
@@ -406,8 +422,8 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
     if solver.failures is None and (solver.pushes.fixed.any() or (limited and problem.count == 1)):
         anywhere = ImpulseSolver(problem, (None,) * problem.count, ("",) * problem.count)
         yield from touched(problem, solved(anywhere, by_energy, ONE)[0])
-    near = beside(problem, free.trajectories, problem.met(free.checked.missed))
-    yield near.joined(free.checked.lost)
+    if not problem.requirements:
+        yield near.joined(free.checked.lost)
     if near.number > FEW:
         return
     for _, k, normal in ranked_exits(problem, free.trajectories, near):

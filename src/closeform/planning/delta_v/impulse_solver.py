@@ -11,7 +11,9 @@ times. Each thruster has moments of its own: a time and its direction.          
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from math import ceil, inf, pi
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,7 +33,7 @@ from closeform.planning.delta_v.dual.plane_shortfalls import fill_planes
 from closeform.planning.delta_v.dual.primer_maxima import find_peaks
 from closeform.planning.delta_v.fewer_impulses import steps_to_fewer
 from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, sizes_of, some_of_each, table_of
-from closeform.planning.delta_v.path_requirements import PathRequirements
+from closeform.planning.delta_v.path_requirements import PathRequirements, requirement_checks
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
@@ -82,6 +84,8 @@ class Program(NamedTuple):
 
 class ImpulseSolver:
     """Solver of one problem from any contacts, by impulses."""
+
+    keeps_zones = True
 
     def __init__(
         self,
@@ -390,20 +394,36 @@ class ImpulseSolver:
         if self.pushes.fixed.any() and not arrive(self.problem, trajectories, self.finals):
             return None
         checked = self.checked(trajectories, contacts)
-        self.requirements.relinearise(checked.outside)
+        self.requirements.relinearise(trajectories, checked)
         self.closest.note(checked.worst, trajectories, checked.outside)
         spent = float(sizes_of(impulses).sum())
         return Spent(trajectories, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
 
     def checked(self, trajectories: Trajectories, contacts: Contacts) -> Checked:
-        """Return conflicts of paths, with thrust and after its loss, and the shortfall of requirements."""
+        """Return conflicts of paths, with thrust and after its loss, and the checks of requirements."""
         if self.failures is None:
-            found = Checked(self.problem.conflicts(trajectories), Contacts.none(), 1.0)
+            missed = self.problem.conflicts(trajectories) if self.keeps_zones else []
+            found = Checked(missed, Contacts.none(), 1.0, [])
         else:
             found = self.failures.checked(trajectories, contacts.some(pushing(contacts) & drifting(contacts)))
         if not self.problem.requirements:
             return found
-        return found._replace(outside=self.requirements.shortfall(trajectories))
+        return found._replace(required=requirement_checks(self.problem, trajectories))
+
+    @cached_property
+    def required(self) -> Spent | None:
+        """Lowest-cost paths that keep the requirements, without zones, with their bound; None without any.
+
+        Their planes remain for the rounds with zones.
+        """
+        alone = copy(self)
+        alone.keeps_zones, alone.failures, alone.closest = False, None, Closest()
+        found = alone.solve(Contacts.none())
+        if found is None:
+            self.closest = alone.closest
+            return None
+        checked = self.checked(found.trajectories, found.contacts)
+        return replace(found, checked=checked, least=self.requirement_bound(found))
 
     def requirement_bound(self, best: Spent) -> float:
         """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""

@@ -6,24 +6,24 @@ of single moments keep thrust out of them.
 """
 
 from collections.abc import Sequence
-from math import inf, pi
+from math import pi
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, STATE
+from closeform.planning.delta_v.checks import Checked
 from closeform.planning.delta_v.dual.fleet import Fleet, Planes
 from closeform.planning.delta_v.firing_times import Moments, Pushes
 from closeform.planning.problem.problem import Problem, Trajectories
-from closeform.planning.requirements.requirement import AFTER, Requirement
+from closeform.planning.requirements.requirement import AFTER, Requirement, RequirementCheck
 from closeform.planning.requirements.thrust_directions import ThrustRequirement
 
 ACTIVE = 1e-6  # of the largest multiplier: planes below it are dropped
 ALONG = 1e-6  # of a thrust: smaller parts perpendicular to a cone's axis are rounding
 PAIRED = 1e-3  # of a craft's time: between impulses on opposite sides of a cone
 INSTANTS = 0.0, 0.5, 1.0  # shares of a burn at which its direction is kept out of cones
-UNPROVEN = 1e-6  # reserves: shortfall of paths that keep the requirements without proof
 GIVEN = 1e-5  # of a craft's time: so near its ends its position is given, and a plane takes a huge impulse
 SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
 
@@ -38,32 +38,18 @@ class PathRequirements:
         self.halves = Planes.room(0)  # last half-spaces of thrust
         self.inward = 1.0  # factor of the reserves
 
-    def violations(self, trajectories: Trajectories) -> float:
-        """Add planes where paths leave the requirements; return the largest shortfall in reserves."""
-        paths, short = self.problem.path(trajectories), -inf
-        for i, own in enumerate(self.problem.requirements_among(trajectories)):
-            for one in own:
-                worst = one._worst(paths[i])
+    def add(self, required: Sequence[RequirementCheck]) -> None:
+        """Add the supporting planes of requirements at the states in which paths leave them, or nearly do."""
+        for i, one, worst, _ in required:
+            if len(worst.times):
                 fresh = self.supporting(i, one, worst.times, worst.states)
                 self.planes = self.planes.joined(fresh)
                 self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
-                short = max(short, -worst.margin / one.reserve)
-        return short
-
-    def shortfall(self, trajectories: Trajectories) -> float:
-        """Return the violation of the requirements in units of the reserve, 0 if paths provably keep all.
-
-        Planes are added where they do not.
-        """
-        self.trajectories, paths = trajectories, self.problem.path(trajectories)
-        short = max(self.violations(trajectories), 0.0)
-        each = enumerate(self.problem.requirements_among(trajectories))
-        return short if short or all(one.holds(paths[i]) for i, own in each for one in own) else UNPROVEN
 
     def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
         """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
         start, end = self.problem.base[i, [START, END]]
-        rows, near = np.array([one._slope(state) for state in states]).reshape(-1, 6), GIVEN * (end - start)
+        rows, near = one._slope(states), GIVEN * (end - start)
         free = rows[:, 3:].any(axis=1) | ((times > start + near) & (times < end - near))
         kept = free & (times > start) & (times <= end)
         times, states, rows = times[kept], states[kept], rows[kept]
@@ -79,8 +65,10 @@ class PathRequirements:
         """Return the planes, moved inward by their reserves."""
         return self.planes._replace(misses=self.planes.misses + self.inward * self.reserves)
 
-    def relinearise(self, outside: float) -> None:
-        """Move planes further inward by the shortfall of the last paths [reserves], else back."""
+    def relinearise(self, trajectories: Trajectories, checked: Checked) -> None:
+        """Add planes where the last paths leave requirements; move all inward by the shortfall, or back."""
+        self.trajectories, outside = trajectories, checked.outside
+        self.add(checked.required)
         if not outside:
             self.inward = max(1.0, 0.5 * self.inward)
         elif outside < SHORT:  # a small step inward replaces many more planes
@@ -198,6 +186,16 @@ class PathRequirements:
             found.append(planes)
         self.halves = Planes.room(0).joined(*found)
         return self.halves
+
+
+def requirement_checks(problem: Problem, trajectories: Trajectories) -> list[RequirementCheck]:
+    """Return the check of each requirement on a single craft; kept ones are proven only if none is broken."""
+    paths = problem.path(trajectories)
+    each = [(i, one) for i, own in enumerate(problem.requirements_among(trajectories)) for one in own]
+    found = [RequirementCheck(i, one, worst := one._worst(paths[i]), worst.margin >= 0.0) for i, one in each]
+    if all(one.kept for one in found):
+        return [one._replace(kept=one.requirement.holds(paths[one.craft])) for one in found]
+    return found
 
 
 def beside(axes: Floats) -> Floats:

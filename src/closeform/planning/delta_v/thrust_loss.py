@@ -67,7 +67,7 @@ class ImpulseFailures:
             if certain.number:
                 lost, nearest = self.near(trajectories, known.joined(certain))
                 nearest = min(nearest, INSIDE)
-        return Checked(missed, lost, nearest)
+        return Checked(missed, lost, nearest, [])
 
     def touching(self, trajectories: Trajectories, contacts: Contacts) -> tuple[Contacts, bool]:
         """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, finite, number, numbers
-from closeform.planning.requirements.requirement import StateRequirement
+from closeform.planning.requirements.requirement import StateRequirement, units
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,12 +76,10 @@ class ApproachCone(StateRequirement):
         found: Floats = (self.radius - off) * cos(self.half_angle) + along * sin(self.half_angle)
         return found
 
-    def _slope(self, state: Floats) -> Floats:
-        """Return the slope (6,) of the margin at a state (6,)."""
-        off = state[:3] - self.target
-        off -= (off @ self.axis) * self.axis
-        size = np.linalg.norm(off)
-        outward = off / size if size > 0.0 else off
-        return np.append(
-            sin(self.half_angle) * np.asarray(self.axis) - cos(self.half_angle) * outward, np.zeros(3)
-        )
+    def _slope(self, states: Floats) -> Floats:
+        """Return the slopes (..., 6) of the margin at states (..., 6)."""
+        off = states[..., :3] - self.target
+        off -= (off @ self.axis)[..., None] * self.axis
+        found = np.zeros_like(states)
+        found[..., :3] = sin(self.half_angle) * np.asarray(self.axis) - cos(self.half_angle) * units(off)
+        return found

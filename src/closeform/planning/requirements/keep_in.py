@@ -55,6 +55,9 @@ class KeepIn(StateRequirement):
         found: Floats = self.zone.inner_radius * (1.0 - self.zone.norm(states[..., :3] - self.centre))
         return found
 
-    def _slope(self, state: Floats) -> Floats:
-        """Return the slope (6,) of the margin at a state (6,)."""
-        return np.append(-self.zone.inner_radius * gradient(self.zone, state[:3] - self.centre), np.zeros(3))
+    def _slope(self, states: Floats) -> Floats:
+        """Return the slopes (..., 6) of the margin at states (..., 6)."""
+        found = np.zeros_like(states)
+        for k in np.ndindex(states.shape[:-1]):
+            found[k][:3] = -self.zone.inner_radius * gradient(self.zone, states[k][:3] - self.centre)
+        return found

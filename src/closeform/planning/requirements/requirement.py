@@ -35,6 +35,7 @@ SAMPLES = 16  # intervals of an arc, and of an interval that is refined
 FINER = 3  # refinements of a minimum
 AFTER = 1e-6  # of a path's time: planes follow an impulse by this much, so that it counts
 SMALLEST = 1e-10  # of a path's time: intervals are not cut further
+UNPROVEN = 1e-6  # reserves: shortfall of paths that keep the requirements without proof
 
 
 class Worst(NamedTuple):
@@ -44,6 +45,20 @@ class Worst(NamedTuple):
     time: float = nan
     times: Floats = np.empty(0)
     states: Floats = np.empty((0, 6))
+
+
+class RequirementCheck(NamedTuple):
+    """Requirement on a craft, the worst states of its path, and whether the path is proven to keep it."""
+
+    craft: int
+    requirement: Requirement
+    worst: Worst
+    kept: bool
+
+    @property
+    def shortfall(self) -> float:
+        """Violation in reserves of the requirement: above 0 also where only the proof is missing."""
+        return 0.0 if self.kept else max(-self.worst.margin / self.requirement.reserve, UNPROVEN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,9 +115,9 @@ class Requirement(ABC):
         """Return margins (...) of states (..., 6), negative outside: inf, because any state is allowed."""
         return np.full(states.shape[:-1], inf)
 
-    def _slope(self, state: Floats) -> Floats:
-        """Return the slope (6,) of the margin at a state (6,)."""
-        return np.zeros(6)
+    def _slope(self, states: Floats) -> Floats:
+        """Return the slopes (..., 6) of the margin at states (..., 6)."""
+        return np.zeros_like(states)
 
     @abstractmethod
     def _worst(self, path: Path) -> Worst:
@@ -119,8 +134,8 @@ class StateRequirement(Requirement):
         """Return margins (...) of states (..., 6) [m, m/s]: a concave function, negative outside the set."""
 
     @abstractmethod
-    def _slope(self, state: Floats) -> Floats:
-        """Return the slope (6,) of the margin at a state (6,)."""
+    def _slope(self, states: Floats) -> Floats:
+        """Return the slopes (..., 6) of the margin at states (..., 6)."""
 
     def margin(self, states: ArrayLike) -> Any:
         """Return the distance of states from the limit of the requirement, negative outside.
@@ -248,3 +263,9 @@ def on_arcs(path: Path, arcs: Floats, times: Floats) -> Floats:
     """Return states (A, T, 6) on each of A arcs at its own times (A, T)."""
     rows = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     return rows._evaluate_rows(times)
+
+
+def units(vectors: Floats) -> Floats:
+    """Return unit vectors (..., 3) along vectors (..., 3), and zeros for zeros."""
+    sizes = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(sizes > 0.0, sizes, 1.0)

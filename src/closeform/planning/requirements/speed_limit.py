@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, finite, number, numbers
-from closeform.planning.requirements.requirement import StateRequirement
+from closeform.planning.requirements.requirement import StateRequirement, units
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,8 +78,7 @@ class SpeedLimit(StateRequirement):
         found: Floats = self.limit + self.rate * along - np.linalg.norm(states[..., 3:], axis=-1)
         return found
 
-    def _slope(self, state: Floats) -> Floats:
-        """Return the slope (6,) of the margin at a state (6,)."""
-        speed = np.linalg.norm(state[3:])
-        ahead = state[3:] / speed if speed > 0.0 else np.zeros(3)
-        return np.append(self.rate * self.axis, -ahead)
+    def _slope(self, states: Floats) -> Floats:
+        """Return the slopes (..., 6) of the margin at states (..., 6)."""
+        along = np.broadcast_to(self.rate * self.axis, states[..., :3].shape)
+        return np.concatenate([along, -units(states[..., 3:])], axis=-1)
