@@ -119,7 +119,7 @@ class EnergySolver(ImpulseSolver):
             return None
         trajectories = solved.trajectories()
         checked = self.checked(trajectories, solved.contacts)
-        self.requirements.relinearise(trajectories, checked)
+        self.requirements.relinearise(trajectories, checked.required)
         self.closest.note(checked.worst, trajectories, checked.outside)
         none, energy = np.empty((self.problem.count, 0, 3)), self.least_energy + solved.extra
         return Spent(trajectories, energy, energy, checked, solved.contacts, aim, [], none, [])

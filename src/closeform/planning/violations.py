@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from closeform.planning.delta_v.path_requirements import requirement_checks
 from closeform.planning.problem.problem import Problem, Trajectories
 
 MOST = 4  # violations that are reported
@@ -51,7 +50,7 @@ def broken_requirements(
     problem: Problem, trajectories: Trajectories, names: Sequence[str]
 ) -> Iterator[Violation]:
     """Yield each requirement on a single spacecraft that its path violates, where it does so most."""
-    for i, one, worst, kept in requirement_checks(problem, trajectories):
+    for i, one, worst, kept in problem.requirement_checks(trajectories):
         if kept:
             continue
         kind, by = type(one).__name__, f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"

@@ -10,7 +10,7 @@ from closeform.motion.arc import END
 from closeform.planning.delta_v.firing_times import Moments, sizes_of, some_of_each
 from closeform.planning.problem.problem import PairRow, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
-from closeform.planning.requirements.requirement import RequirementCheck
+from closeform.planning.requirements.requirement import RequirementCheck, largest_shortfall
 
 ASTRAY = 1e-6  # of the distance of the ends, or of a metre: larger errors are misses
 WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
@@ -30,7 +30,7 @@ class Checked(NamedTuple):
     @property
     def outside(self) -> float:
         """Largest shortfall of a requirement in reserves, 0 if the paths keep all by proof."""
-        return max((one.shortfall for one in self.required), default=0.0)
+        return largest_shortfall(self.required)
 
     @property
     def clear(self) -> bool:

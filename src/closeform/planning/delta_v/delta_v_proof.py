@@ -25,7 +25,6 @@ from closeform.planning.bounds.zone_pieces import Piece, pieces
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_solver import LAST, ImpulseSolver
-from closeform.planning.delta_v.path_requirements import requirement_checks
 from closeform.planning.problem.problem import Trajectories, deepest
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.zone import scaled_norm
@@ -121,7 +120,7 @@ class DeltaVProof:
         Where the node's paths leave a requirement, its planes there hold for all plans, and tighten the node.
         """
         problem, depth, which = self.solver.problem, INSIDE, -1
-        required = [] if node.tight else requirement_checks(problem, node.trajectories)
+        required = [] if node.tight else problem.requirement_checks(node.trajectories)
         if any(one.shortfall > OUTSIDE for one in required):
             self.solver.requirements.add(required)
             self.examine(node.contacts, node.held, node.bound, tightened=True)

@@ -33,7 +33,7 @@ from closeform.planning.delta_v.dual.plane_shortfalls import fill_planes
 from closeform.planning.delta_v.dual.primer_maxima import find_peaks
 from closeform.planning.delta_v.fewer_impulses import steps_to_fewer
 from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, sizes_of, some_of_each, table_of
-from closeform.planning.delta_v.path_requirements import PathRequirements, requirement_checks
+from closeform.planning.delta_v.path_requirements import PathRequirements
 from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.loop import ROUNDS, SETTLED, Rounds, fading, run
@@ -394,7 +394,7 @@ class ImpulseSolver:
         if self.pushes.fixed.any() and not arrive(self.problem, trajectories, self.finals):
             return None
         checked = self.checked(trajectories, contacts)
-        self.requirements.relinearise(trajectories, checked)
+        self.requirements.relinearise(trajectories, checked.required)
         self.closest.note(checked.worst, trajectories, checked.outside)
         spent = float(sizes_of(impulses).sum())
         return Spent(trajectories, spent, found.least, checked, contacts, aim, moments, impulses, found.peaks)
@@ -408,7 +408,7 @@ class ImpulseSolver:
             found = self.failures.checked(trajectories, contacts.some(pushing(contacts) & drifting(contacts)))
         if not self.problem.requirements:
             return found
-        return found._replace(required=requirement_checks(self.problem, trajectories))
+        return found._replace(required=self.problem.requirement_checks(trajectories))
 
     @cached_property
     def required(self) -> Spent | None:

@@ -13,11 +13,15 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, STATE
-from closeform.planning.delta_v.checks import Checked
 from closeform.planning.delta_v.dual.fleet import Fleet, Planes
 from closeform.planning.delta_v.firing_times import Moments, Pushes
 from closeform.planning.problem.problem import Problem, Trajectories
-from closeform.planning.requirements.requirement import AFTER, Requirement, RequirementCheck
+from closeform.planning.requirements.requirement import (
+    AFTER,
+    Requirement,
+    RequirementCheck,
+    largest_shortfall,
+)
 from closeform.planning.requirements.thrust_directions import ThrustRequirement
 
 ACTIVE = 1e-6  # of the largest multiplier: planes below it are dropped
@@ -38,9 +42,9 @@ class PathRequirements:
         self.halves = Planes.room(0)  # last half-spaces of thrust
         self.inward = 1.0  # factor of the reserves
 
-    def add(self, required: Sequence[RequirementCheck]) -> None:
+    def add(self, checked: Sequence[RequirementCheck]) -> None:
         """Add the supporting planes of requirements at the states in which paths leave them, or nearly do."""
-        for i, one, worst, _ in required:
+        for i, one, worst, _ in checked:
             if len(worst.times):
                 fresh = self.supporting(i, one, worst.times, worst.states)
                 self.planes = self.planes.joined(fresh)
@@ -65,10 +69,10 @@ class PathRequirements:
         """Return the planes, moved inward by their reserves."""
         return self.planes._replace(misses=self.planes.misses + self.inward * self.reserves)
 
-    def relinearise(self, trajectories: Trajectories, checked: Checked) -> None:
+    def relinearise(self, trajectories: Trajectories, checked: Sequence[RequirementCheck]) -> None:
         """Add planes where the last paths leave requirements; move all inward by the shortfall, or back."""
-        self.trajectories, outside = trajectories, checked.outside
-        self.add(checked.required)
+        self.trajectories, outside = trajectories, largest_shortfall(checked)
+        self.add(checked)
         if not outside:
             self.inward = max(1.0, 0.5 * self.inward)
         elif outside < SHORT:  # a small step inward replaces many more planes
@@ -186,16 +190,6 @@ class PathRequirements:
             found.append(planes)
         self.halves = Planes.room(0).joined(*found)
         return self.halves
-
-
-def requirement_checks(problem: Problem, trajectories: Trajectories) -> list[RequirementCheck]:
-    """Return the check of each requirement on a single craft; kept ones are proven only if none is broken."""
-    paths = problem.path(trajectories)
-    each = [(i, one) for i, own in enumerate(problem.requirements_among(trajectories)) for one in own]
-    found = [RequirementCheck(i, one, worst := one._worst(paths[i]), worst.margin >= 0.0) for i, one in each]
-    if all(one.kept for one in found):
-        return [one._replace(kept=one.requirement.holds(paths[one.craft])) for one in found]
-    return found
 
 
 def beside(axes: Floats) -> Floats:

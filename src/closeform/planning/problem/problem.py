@@ -25,6 +25,7 @@ from closeform.planning.problem.deflection import deflected_arcs, invert_respons
 from closeform.planning.problem.natural_motion import windows_of
 from closeform.planning.problem.pieces import BASE, PATHS, PLACES
 from closeform.planning.problem.scene import Contacts, Scene
+from closeform.planning.requirements.requirement import RequirementCheck
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, scaled_norm
 
@@ -380,6 +381,17 @@ class Problem:
         """Return the requirements of each craft, among the paths of all bodies."""
         bodies = self.bodies(trajectories)
         return [[one._among(bodies, i) for one in own] for i, own in enumerate(self.requirements)]
+
+    def requirement_checks(self, trajectories: Trajectories) -> list[RequirementCheck]:
+        """Return the check of each requirement on a single craft; they are proven only if none is broken."""
+        paths = self.path(trajectories)
+        each = [(i, one) for i, own in enumerate(self.requirements_among(trajectories)) for one in own]
+        found = [
+            RequirementCheck(i, one, worst := one._worst(paths[i]), worst.margin >= 0.0) for i, one in each
+        ]
+        if all(one.kept for one in found):
+            return [one._replace(kept=one.requirement.holds(paths[one.craft])) for one in found]
+        return found
 
     def path(self, trajectories: Trajectories) -> Path:
         """Return the craft's paths, of shape (N,)."""

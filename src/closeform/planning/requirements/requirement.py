@@ -20,6 +20,7 @@ To add a requirement, derive a class in a file of its own: from `StateRequiremen
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, nan
 from typing import Any, NamedTuple
@@ -59,6 +60,11 @@ class RequirementCheck(NamedTuple):
     def shortfall(self) -> float:
         """Violation in reserves of the requirement: above 0 also where only the proof is missing."""
         return 0.0 if self.kept else max(-self.worst.margin / self.requirement.reserve, UNPROVEN)
+
+
+def largest_shortfall(checked: Sequence[RequirementCheck]) -> float:
+    """Return the largest shortfall in reserves, 0 if all are kept by proof."""
+    return max((one.shortfall for one in checked), default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
