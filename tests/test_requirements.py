@@ -16,6 +16,22 @@ ASTERN = [0, -1, 0]
 CONE = cf.requirements.ApproachCone(axis=ASTERN, half_angle=np.radians(10), radius=0.5)
 GLIDE = cf.requirements.SpeedLimit(limit=0.05, rate=1e-3, axis=ASTERN)
 WAYPOINT = cf.requirements.KeepIn(zone=cf.Sphere(5.0), centre=[10, -100, 0], start=900, end=900)
+
+
+class Floor(cf.requirements.StateRequirement):
+    """Requirement of a user: at most 8 m below the V-bar, also in a minute at the present rate."""
+
+    per_speed = 60.0
+    slope = np.array([1.0, 0.0, 0.0, 60.0, 0.0, 0.0])
+
+    def _margin(self, states):
+        return 8.0 + states @ self.slope
+
+    def _slope(self, states):
+        return np.broadcast_to(self.slope, states.shape)
+
+
+FLOOR = Floor()
 QUIET = cf.requirements.NoThrust(start=600.0, end=900.0)
 
 
@@ -56,6 +72,8 @@ def inside(times, states, name):
         return (0.5 - y * np.tan(np.radians(10)) - np.hypot(x, z)) * np.cos(np.radians(10))
     if name == "glide":
         return 0.05 - 1e-3 * y - np.linalg.norm(velocity, axis=0)
+    if name == "floor":
+        return x + 60.0 * velocity[0] + 8.0
     near = np.abs(times - 900.0) < 1e-9
     return 5.0 - np.linalg.norm(states[near, :3] - [10, -100, 0], axis=1)
 
@@ -97,6 +115,8 @@ def least_by_cones(name, count=121, samples=241, energy=False):
         elif name == "glide":
             matrix, given = np.zeros((4, 6)), np.array([0.05, 0, 0, 0])
             matrix[0, 1], matrix[1:, 3:] = -1e-3, np.eye(3)
+        elif name == "floor":
+            matrix, given = np.array([[1.0, 0, 0, 60.0, 0, 0]]), np.array([8.0])
         else:
             matrix, given = np.zeros((4, 6)), np.array([5.0, -10.0, 100.0, 0.0])
             matrix[1:, :3] = np.eye(3)
@@ -113,7 +133,7 @@ def least_by_cones(name, count=121, samples=241, energy=False):
 
 @pytest.mark.parametrize(
     ("name", "requirement", "dearer"),
-    [("cone", CONE, 0.01), ("glide", GLIDE, 0.06), ("waypoint", WAYPOINT, 0.01)],
+    [("cone", CONE, 0.01), ("glide", GLIDE, 0.06), ("waypoint", WAYPOINT, 0.01), ("floor", FLOOR, 0.02)],
 )
 def test_requirement_is_kept_at_hardly_more_than_the_least_cost(name, requirement, dearer):
     """The path keeps it when integrated; no bound is above the cone program on a grid of times."""
@@ -126,7 +146,9 @@ def test_requirement_is_kept_at_hardly_more_than_the_least_cost(name, requiremen
     assert plan.delta_v <= least * (1 + dearer)
 
 
-@pytest.mark.parametrize(("name", "requirement"), [("cone", CONE), ("glide", GLIDE), ("waypoint", WAYPOINT)])
+@pytest.mark.parametrize(
+    ("name", "requirement"), [("cone", CONE), ("glide", GLIDE), ("waypoint", WAYPOINT), ("floor", FLOOR)]
+)
 def test_requirement_is_kept_at_the_least_energy(name, requirement):
     """The thrust is integrated; energy and bound are those of the cone program on a grid of times."""
     plan = planned(requirement, cost="energy")

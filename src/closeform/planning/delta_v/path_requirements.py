@@ -84,13 +84,16 @@ class PathRequirements:
         self.planes, self.reserves = self.planes.some(active), self.reserves[active]
         return active
 
-    def moments(self, counts: Any) -> list[Moments]:
-        """Return the moments just before the planes, where primers have kinks or jumps."""
+    def moments(self, counts: Any, later: float = -AFTER) -> list[Moments]:
+        """Return the moments `later` than the planes, by a share of a craft's time.
+
+        Primers have kinks at planes of positions, and jump at planes of velocities.
+        """
         found = []
         for i, count in enumerate(counts):
             start, end = self.problem.base[i, [START, END]]
-            times = self.planes.times[self.planes.first == i] - AFTER * (end - start)
-            found.append(Moments.every(np.unique(times[times > start]), count))
+            times = np.unique(self.planes.times[self.planes.first == i] + later * (end - start))
+            found.append(Moments.every(times[(times > start) & (times < end)], count))
         return found
 
     def allowed(self, moments: Sequence[Moments]) -> list[Moments]:

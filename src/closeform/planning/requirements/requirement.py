@@ -131,9 +131,34 @@ class Requirement(ABC):
 
 
 class StateRequirement(Requirement):
-    """Convex set of states that the path must not leave."""
+    """Convex set of states that the path must not leave; derive a class for a requirement of your own.
 
-    per_metre, per_speed = 1.0, 0.0  # bounds on the slopes of the margin, in position and in velocity
+    The class defines `_margin` and `_slope`.  `per_metre` and `per_speed` are upper bounds on the slope of
+    the margin in position and in velocity, by which paths are certified between samples.
+
+    Parameters
+    ----------
+    start, end : float [s], default always
+        Times between which the spacecraft must be in the set.
+
+    References
+    ----------
+    docs/avoidance.md, corridors.
+
+    Examples
+    --------
+    >>> class Floor(cf.requirements.StateRequirement):  # at most 8 m below the V-bar, also in a minute
+    ...     per_speed = 60.0
+    ...     slope = np.array([1.0, 0, 0, 60.0, 0, 0])
+    ...     def _margin(self, states):
+    ...         return 8.0 + states @ self.slope
+    ...     def _slope(self, states):
+    ...         return np.broadcast_to(self.slope, states.shape)
+    >>> float(Floor().margin([-5, 0, 0, 0.05, 0, 0]))
+    6.0
+    """
+
+    per_metre, per_speed = 1.0, 0.0
 
     @abstractmethod
     def _margin(self, states: Floats) -> Floats:
