@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 import closeform as cf
 from closeform.mission.mission import plan_mission
-from closeform.planning.bounds.branch_and_bound import lower_bound, prove
+from closeform.planning.bounds.branch_and_bound import prove
+from closeform.planning.bounds.energy_bound import EnergyBound, lower_bound
 from closeform.planning.bounds.zone_pieces import outside, pieces
 from closeform.planning.request import Request
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from closeform.zones.zone import inner_ball
 from formations import Task, random_case
 from resimulated import faults
 
@@ -71,8 +73,9 @@ def test_pieces_cover_the_outside_of_a_zone(name, seed):
         beyond = piece.normal is None or piece.normal @ place >= piece.floor - 1e-12
         return beyond and (not len(piece.rows) or np.linalg.norm(piece.rows @ place) >= 1.0 - 1e-12)
 
-    assert holds(outside(zone))
-    level = [piece for piece in pieces(zone, factor @ factor.T) if holds(piece)]
+    inside = inner_ball(zone)
+    assert holds(outside(zone, inside))
+    level = [piece for piece in pieces(zone, inside, factor @ factor.T) if holds(piece)]
     assert level
     if any(piece.corners is None for piece in level):
         return
@@ -192,7 +195,7 @@ def test_proof_with_a_node_budget_is_repeatable():
     plan = cf.reconfigure(**task.arguments)
     problem = Request.of_formation(**task.arguments).problem()
     first, again = (
-        prove(problem, plan.contacts, plan.extra_energy, plan.energy, 1e9, nodes=150) for _ in range(2)
+        prove(EnergyBound(problem, plan.contacts), plan.extra_energy, 0.0, 1e9, nodes=150) for _ in range(2)
     )
     assert first.nodes == again.nodes >= 150
     assert first.bound == again.bound

@@ -1,0 +1,199 @@
+"""Lower bound on the energy of all clear plans: the Lagrangian dual of samples outside their zones."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.planning.bounds.branch_and_bound import Answer, Node, Samples
+from closeform.planning.bounds.dual_bound import dual_bound
+from closeform.planning.bounds.zone_pieces import Piece
+from closeform.planning.energy.local_solver import LocalSolver, Solution, nearer
+from closeform.planning.energy.side_search import MARGINS
+from closeform.planning.plan import Contact
+from closeform.planning.problem.problem import Problem, Trajectories
+from closeform.planning.problem.scene import Contacts
+
+CLOSED = 1e-6  # of the multipliers' own energy: sufficient accuracy of the bound
+ROUGH, NEARLY = 0.02, 0.05  # accuracy of a plan's bound, and of a node's: of the bound or of what it lacks
+LARGEST = 80  # maximum connected contacts of a bound
+FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of the extra energy
+SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
+DEEP = 1e-3  # of the zone: tolerated conflict
+IDLE = 1e-3  # of the largest work: samples below it are dropped in child nodes
+STARTS = 50  # nodes for each start that is solved
+
+
+class Lagrangian(NamedTuple):
+    """Bound on the extra energy [m^2/s^3], its multipliers, and the minimum of its Lagrangian.
+
+    `forces` and `reached` places (K, 3) of the samples are in zone coordinates.
+    """
+
+    bound: float
+    multipliers: Floats
+    forces: Floats
+    reached: Floats
+
+
+class EnergyBound:
+    """Lower bound on the energy of all clear plans of one problem, beyond that of the unconstrained optima.
+
+    `missed` returns the conflicts of paths after a loss of thrust.  A `fixed` plan is not replaced by one of
+    lower cost, nor is a plan with more requirements than zones.
+    """
+
+    same = 5e-3
+
+    def __init__(
+        self,
+        problem: Problem,
+        contacts: Sequence[Contact],
+        missed: Callable[[Trajectories], Contacts] | None = None,
+        fixed: bool = False,
+    ) -> None:
+        self.problem, self.missed = problem.relaxed, missed
+        self.fixed = fixed or bool(problem.sigmas or problem.requirements) or problem.drift is not None
+        self.samples = Samples.of_plan(self.problem, contacts)
+        self.gram, self.places = np.empty((0, 0)), np.empty((0, 3))
+        self.nodes = self.starts = 0
+
+    @cached_property
+    def free(self) -> float:
+        """Energy of the unconstrained optima."""
+        return self.problem.energy(self.problem.direct)
+
+    @cached_property
+    def solver(self) -> LocalSolver:
+        """Solver for plans on the sides of nodes."""
+        return LocalSolver(self.problem, MARGINS[0])
+
+    def lagrangian(
+        self,
+        samples: Sequence[int],
+        cut: Sequence[Piece],
+        enough: float,
+        tolerance: float,
+        start: Floats | None = None,
+    ) -> Lagrangian:
+        """Return the dual bound of samples in pieces of their zones' outside, from multipliers `start`."""
+        count = len(samples)
+        if 3 * self.samples.number > len(self.gram):
+            motions, gram = self.problem.unconstrained(self.samples.contacts)
+            self.places, self.gram = motions[:, 0], 0.5 * (gram + gram.T)
+        round_ones = [k for k in range(count) if len(cut[k].rows)]
+        planes = [k for k in range(count) if not cut[k].whole]
+        offsets = np.cumsum([0, *(len(cut[k].rows) for k in round_ones)])
+        rows = np.zeros((offsets[-1] + len(planes), count, 3))
+        for first, k in zip(offsets, round_ones, strict=False):
+            rows[first : first + len(cut[k].rows), k] = cut[k].rows
+        for row, k in enumerate(planes, offsets[-1]):
+            rows[row, k] = cut[k].normal
+        rows = rows.reshape(len(rows), 3 * count)
+        index = (3 * np.array(samples, dtype=np.int64)[:, None] + np.arange(3)).ravel()
+        gram, places = self.gram[np.ix_(index, index)], self.places[samples].ravel()
+        between = rows @ gram @ rows.T
+        multipliers = np.zeros(len(round_ones) + len(planes)) if start is None else start.copy()
+        forces, floors = np.zeros(len(rows)), np.array([cut[k].floor for k in planes])
+        bound = 0.0  # of samples at the ends of their craft's time
+        if between.diagonal().max(initial=0.0) > 0.0:
+            between = 0.5 * (between + between.T)
+            bound = dual_bound(
+                rows @ places, between, offsets, floors, enough, tolerance, multipliers, forces
+            )
+        weights = np.zeros((2, count))
+        weights[0, round_ones], weights[1, planes] = np.split(multipliers, [len(round_ones)])
+        forces = rows.T @ forces
+        return Lagrangian(
+            bound, weights, forces.reshape(count, 3), (places + gram @ forces).reshape(count, 3)
+        )
+
+    def solve(self, samples: list[int], cut: list[Piece], goal: float, parent: Answer | None) -> Answer:
+        """Return the answer of samples in pieces of their zones' outside.
+
+        The shortfall of a sample is the gain of the bound, to first order, if the place were on the surface
+        of its zone instead of inside.
+        """
+        self.nodes += 1
+        found = self.lagrangian(samples, cut, goal, NEARLY)
+        short, idle = np.zeros(len(samples)), np.zeros(len(samples), dtype=bool)
+        work = np.abs(np.einsum("ki,ki->k", found.forces, found.reached))
+        for k, (piece, place) in enumerate(zip(cut, found.reached, strict=True)):
+            curved, flat = found.multipliers[:, k]
+            if len(piece.rows):
+                short[k] = 0.5 * curved * piece.missing(place)
+                short[k] += flat * (1.0 - np.linalg.norm(piece.rows @ place))
+            idle[k] = piece.whole and not work[k] > IDLE * work.max()
+        short = np.maximum(short, 0.0)
+        settled = short.sum() < SETTLED * max(found.bound, goal - found.bound)
+        return Answer(found.bound, short, idle, bool(settled), found.forces)
+
+    def conflicts(self, node: Node, fine: float) -> Contacts:
+        """Return the conflicts of a node's paths, also after a loss of thrust."""
+        problem, trajectories = self.problem, self.problem.trajectories(self.pushed(node))
+        deep = [one for one in problem.conflicts(trajectories) if one[1][3] < 1.0 - DEEP * fine]
+        met = problem.met(deep)
+        if not deep and self.missed is not None:
+            met = self.missed(trajectories)
+        return met._replace(normals=problem.normals(trajectories, met, -np.inf))
+
+    def better(self, node: Node, cost: float) -> tuple[float, Solution] | None:
+        """Return a plan on the sides of a node that costs less; only for every STARTS-th node."""
+        if self.fixed or self.starts * STARTS > self.nodes:
+            return None
+        self.starts += 1
+        found = self.solver.solve(self.pushed(node), nearer(self.problem), cost)
+        return (found.energy, found) if found.clear and found.energy < cost else None
+
+    def pushed(self, node: Node) -> Contacts:
+        """Return the samples of a node with nonzero forces as contacts."""
+        forces = node.answer.found
+        sizes = np.linalg.norm(forces, axis=1)
+        bear = sizes > 0.0
+        contacts = self.samples.contacts.some(np.array(node.samples, dtype=np.int64)[bear])
+        return contacts._replace(normals=forces[bear] / sizes[bear, None], multipliers=sizes[bear])
+
+
+def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | None = None) -> float:
+    """Return a lower bound of every clear plan's energy beyond the unconstrained optima.
+
+    It is computed from the contacts of one plan; `extra` is that plan's extra energy, if known.
+    """
+    total, groups = 0.0, _apart(problem, contacts)
+    for group in groups:
+        strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
+        energy = extra if len(groups) == 1 else None
+        if energy is not None and len(strongest) > FEW:
+            few = strongest[:FEW]
+            if _bound(problem, few) <= HOPEFUL * energy:  # e.g. failures that touch over a range of times
+                strongest = few
+        total += max(_bound(problem, strongest, energy if len(strongest) == len(contacts) else None), 0.0)
+    return total
+
+
+def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None = None) -> float:
+    """Return the dual bound of the given contacts; `energy` is that of their multipliers, if known."""
+    bound = EnergyBound(problem, contacts)
+    held, every = bound.samples.contacts, range(len(contacts))
+    if energy is None:
+        forces = (held.multipliers[:, None] * held.normals).ravel()
+        energy = 0.5 * float(forces @ problem.kernel(held) @ forces)
+    cut = [bound.samples.outside(k) for k in every]
+    start = held.multipliers if all(piece.exact for piece in cut) else None
+    return bound.lagrangian(every, cut, (1.0 - CLOSED) * energy, ROUGH, start).bound
+
+
+def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:
+    """Return the contacts in groups without common craft; obstacles do not connect groups."""
+    label = list(range(problem.count))
+    for contact in contacts:
+        if max(contact.first, contact.second) < problem.count:
+            one, other = label[contact.first], label[contact.second]
+            if one != other:
+                label = [one if mine == other else mine for mine in label]
+    groups: dict[int, list[Contact]] = {}
+    for contact in contacts:
+        groups.setdefault(label[min(contact.first, contact.second)], []).append(contact)
+    return list(groups.values())
