@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import inf, nan
 
 import numpy as np
@@ -458,8 +458,14 @@ def bounded(request: Request, plan: Plan) -> Plan:
 
 def bound_of(problem: Problem, request: Request, plan: Plan, fixed: bool) -> EnergyBound | ImpulseBound:
     """Return the bound of a plan's cost, which finds no other plans if the plan is `fixed`."""
+    relaxed, missed, failures = problem.relaxed, None, None
+    if problem.drift is not None:
+        from closeform.planning.delta_v.thrust_loss import ImpulseFailures
+        from closeform.planning.passive.passive_search import failures_under
+
+        missed, failures = partial(failures_under, relaxed), ImpulseFailures(relaxed)
     if plan.cost == "energy":
-        return EnergyBound(problem, plan.contacts, fixed=fixed)
-    solver = ImpulseSolver(problem.relaxed, request.thrusters, request.names)
+        return EnergyBound(problem, plan.contacts, missed, fixed)
+    solver = ImpulseSolver(relaxed, request.thrusters, request.names, failures)
     others = None if fixed else ImpulseSolver(problem, request.thrusters, request.names)
     return ImpulseBound(solver, plan.contacts, others)

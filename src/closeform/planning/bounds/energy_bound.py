@@ -13,7 +13,7 @@ from closeform.planning.bounds.zone_pieces import Piece
 from closeform.planning.energy.local_solver import LocalSolver, Solution, nearer
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.plan import Contact
-from closeform.planning.problem.problem import Problem, Trajectories
+from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
 
 CLOSED = 1e-6  # of the multipliers' own energy: sufficient accuracy of the bound
@@ -41,8 +41,8 @@ class Lagrangian(NamedTuple):
 class EnergyBound:
     """Lower bound on the energy of all clear plans of one problem, beyond that of the unconstrained optima.
 
-    `missed` returns the conflicts of paths after a loss of thrust.  A `fixed` plan is not replaced by one of
-    lower cost, nor is a plan with more requirements than zones.
+    `missed` returns the conflicts after a loss of thrust under contacts' multipliers, and their clearance
+    ratios.  A `fixed` plan is not replaced by one of lower cost, nor is one that keeps more than zones.
     """
 
     same = 5e-3
@@ -51,7 +51,7 @@ class EnergyBound:
         self,
         problem: Problem,
         contacts: Sequence[Contact],
-        missed: Callable[[Trajectories], Contacts] | None = None,
+        missed: Callable[[Contacts], tuple[Contacts, Floats]] | None = None,
         fixed: bool = False,
     ) -> None:
         self.problem, self.missed = problem.relaxed, missed
@@ -132,11 +132,12 @@ class EnergyBound:
 
     def conflicts(self, node: Node, fine: float) -> Contacts:
         """Return the conflicts of a node's paths, also after a loss of thrust."""
-        problem, trajectories = self.problem, self.problem.trajectories(self.pushed(node))
-        deep = [one for one in problem.conflicts(trajectories) if one[1][3] < 1.0 - DEEP * fine]
-        met = problem.met(deep)
-        if not deep and self.missed is not None:
-            met = self.missed(trajectories)
+        problem, pushed, least = self.problem, self.pushed(node), 1.0 - DEEP * fine
+        trajectories = problem.trajectories(pushed)
+        met = problem.met([one for one in problem.conflicts(trajectories) if one[1][3] < least])
+        if self.missed is not None and not met.number:
+            lost, ratios = self.missed(pushed)
+            met = lost.some(ratios < least)
         return met._replace(normals=problem.normals(trajectories, met, -np.inf))
 
     def better(self, node: Node, cost: float) -> tuple[float, Solution] | None:

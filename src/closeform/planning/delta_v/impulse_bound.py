@@ -33,11 +33,15 @@ OUTSIDE = 1.0  # reserves: shortfall of requirements beyond rounding of the boun
 
 
 class Found(NamedTuple):
-    """Planes of a node, the samples and pieces that they bound, and the bound's paths."""
+    """Planes of a node, the samples and pieces that they bound, and the bound's paths.
+
+    Impulses of the paths `wide` are brief burns, amid which thrust may be lost.
+    """
 
     held: list[tuple[int, Piece]]
     planes: Contacts
     trajectories: Trajectories
+    wide: Trajectories
 
 
 class ImpulseBound:
@@ -51,7 +55,8 @@ class ImpulseBound:
     def __init__(
         self, solver: ImpulseSolver, contacts: Sequence[Contact], plans: ImpulseSolver | None = None
     ) -> None:
-        self.solver, self.plans, self.problem = solver, plans, solver.problem
+        self.solver, self.plans = solver, plans
+        self.problem, self.failures = solver.problem, solver.failures
         self.samples = Samples.of_plan(self.problem, contacts)
         base, counts = self.problem.base, solver.pushes.counts
         fine = FINER * len(solver.grid[0].times)
@@ -75,8 +80,9 @@ class ImpulseBound:
             answer = self.minimum(planes, goal)
             if answer is None:
                 return None
-            bound, found = answer[0], Found(held, planes, answer[1])
-        places = self.problem.motions(found.trajectories, self.samples.contacts.some(samples))[:, 0]
+            bound, paths = answer
+            found = Found(held, planes, paths, self.failures.brief(paths) if self.failures else paths)
+        places = self.problem.motions(found.wide, self.samples.contacts.some(samples))[:, 0]
         short = np.array([self.depth(*one) for one in zip(samples, cut, places, strict=True)]) - INSIDE
         return Answer(bound, short, np.zeros(len(samples), dtype=bool), not (short >= 0.0).any(), found)
 
@@ -129,13 +135,20 @@ class ImpulseBound:
         return last
 
     def conflicts(self, node: Node, fine: float) -> Contacts:
-        """Return the deepest conflict of a node's paths."""
-        problem, trajectories = self.problem, node.answer.found.trajectories
-        met = problem.conflicts(trajectories)
-        if not met or deepest(met)[1][3] > 1.0 - INSIDE:
+        """Return the deepest conflict of a node's paths; if there is none, those after a loss of thrust."""
+        problem, found = self.problem, node.answer.found
+        met = problem.conflicts(found.trajectories)
+        if met and deepest(met)[1][3] < 1.0 - INSIDE:
+            at = problem.met([deepest(met)])
+        elif self.failures is not None:
+            at, _ = self.failures.near(found.trajectories, Contacts.none())
+            zones = [problem.zones[kind] for kind in problem.kinds[at.which]]
+            places = problem.motions(found.wide, at)[:, 0]
+            norms = np.array([scaled_norm(*one) for one in zip(zones, places, strict=True)])
+            at = at.some(norms < 1.0 - INSIDE)
+        else:
             return Contacts.none()
-        found = problem.met([deepest(met)])
-        return found._replace(normals=problem.normals(trajectories, found, -np.inf))
+        return at._replace(normals=problem.normals(found.wide, at, -np.inf))
 
     def better(self, node: Node, cost: float) -> tuple[float, Spent] | None:
         """Return clear paths on the sides of a node that cost less; None without any."""
