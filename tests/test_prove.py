@@ -258,10 +258,3 @@ def test_proof_of_delta_v_bounds_the_best_of_many_starts():
         assert cf.find_conflicts(sure.path, rock, zone) == ()
         closed += sure.gap <= 2e-3
     assert closed >= 3
-
-
-def test_proof_of_delta_v_within_a_limit_is_refused():
-    path = LOW.impulsive([0, -200, 0, 0, 0, 0], [0, 200, 0, 0, 0, 0], 2000.0)
-    rock = LOW.coast(path.state(1000.0), 2000.0, -1000.0)
-    with pytest.raises(ValueError, match="prove: cannot be combined with max_acceleration"):
-        cf.avoid(path, rock, cf.Sphere(20.0), cost="delta-v", prove=1.0, max_acceleration=1e-3)

@@ -228,9 +228,10 @@ class _Search:
             return
         short = node.answer.short
         choices = [k for k, piece in enumerate(node.pieces) if piece.can_be_cut and short[k] >= 0.0]
+        if not any(short[k] for k in choices) and self.at_conflicts(node, FINER):
+            return
         if not choices:
-            if not self.at_conflicts(node, FINER):
-                self.least = min(self.least, node.bound)
+            self.least = min(self.least, node.bound)
             return
         chosen = max(choices, key=lambda k: short[k])
         kept = [k for k in range(len(short)) if k == chosen or not node.answer.idle[k]]

@@ -23,6 +23,7 @@ FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of the e
 SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
 DEEP = 1e-3  # of the zone: tolerated conflict
 IDLE = 1e-3  # of the largest work: samples below it are dropped in child nodes
+UNFELT = 1e-9  # of the goal: shortfall in a zone's centre of a sample without multiplier
 STARTS = 50  # nodes for each start that is solved
 
 
@@ -123,7 +124,9 @@ class EnergyBound:
         for k, (piece, place) in enumerate(zip(cut, found.reached, strict=True)):
             curved, flat = found.multipliers[:, k]
             if len(piece.rows):
-                short[k] = 0.5 * curved * piece.missing(place)
+                short[k] = 0.5 * curved * piece.missing(place) + UNFELT * goal * max(
+                    piece.missing(place), 0.0
+                )
                 short[k] += flat * (1.0 - np.linalg.norm(piece.rows @ place))
             idle[k] = piece.whole and not work[k] > IDLE * work.max()
         short = np.maximum(short, 0.0)
@@ -135,9 +138,9 @@ class EnergyBound:
         problem, pushed, least = self.problem, self.pushed(node), 1.0 - DEEP * fine
         trajectories = problem.trajectories(pushed)
         met = problem.met([one for one in problem.conflicts(trajectories) if one[1][3] < least])
-        if self.missed is not None and not met.number:
+        if self.missed is not None:
             lost, ratios = self.missed(pushed)
-            met = lost.some(ratios < least)
+            met = met.joined(lost.some(ratios < least))
         return met._replace(normals=problem.normals(trajectories, met, -np.inf))
 
     def better(self, node: Node, cost: float) -> tuple[float, Solution] | None:
