@@ -89,12 +89,10 @@ def cheapest(cost, requirement):
     if requirement == "drift":  # loss of thrust at every third time of the grid, and at the start
         late = [(moves, coasts, rocks)]
         for lost in np.append(0, np.arange(2, COUNT, 3)):
-            after = LATER[LATER > GRID[lost] + 1e-6]
-            active = np.repeat(GRID[:-1] < GRID[lost] - 1e-6, 3)
-            failed = responses(after, cost)[:, :3] * active
-            late.append(
-                (failed, *(np.array([flows[t] @ one for t in after])[:, :3] for one in (START, rock)))
-            )
+            after = LATER[lost:]
+            failed = responses(after, cost)[:, :3] * np.repeat(GRID[:-1] < GRID[lost] - 1e-6, 3)
+            drifts = (np.array([flows[t] @ one for t in after])[:, :3] for one in (START, rock))
+            late.append((failed, *drifts))
         moves, coasts, rocks = map(np.concatenate, zip(*late, strict=True))
         reach = np.zeros((len(coasts), 3, 3))
     waypoint = None

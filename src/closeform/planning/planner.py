@@ -431,19 +431,16 @@ def keeps_limits(request: Request, paths: Path) -> bool:
 def bounded(request: Request, plan: Plan) -> Plan:
     """Return the plan with its certified lower bound, or a plan of lower cost found during the proof."""
     fired, compared = plan.cost == "delta-v", request.method == "sauter-palmer"
-    unbounded = compared and not request.proof_time
-    if not plan.ok or unbounded or (plan.status is Status.CLEAR and not fired):
+    if not plan.ok or (compared and not request.proof_time) or (plan.status is Status.CLEAR and not fired):
         return plan
-    problem, limited = request.problem(), request.limits is not None
-    free = 0.0 if fired else problem.energy(problem.direct)
-    least, spent = plan.lower_bound - free, plan.delta_v if fired else plan.extra_energy
+    problem, limited, least = request.problem(), request.limits is not None, plan.lower_bound
     if not fired:
         extra = None if request.requirements else plan.extra_energy  # that of the contacts alone
-        least = max(least, lower_bound(problem, plan.contacts, extra))
-    if request.proof_time:
-        fixed = limited or compared or problem.drift is not None
-        bound = bound_of(problem, request, plan, fixed)
-        proof = prove(bound, spent, least, request.proof_time, gap=request.gap)
+        least = max(least, problem.energy(problem.direct) + lower_bound(problem, plan.contacts, extra))
+    if request.proof_time and plan.spent > (1.0 + request.gap) * least:
+        more = not fired and bool(request.requirements or problem.sigmas)  # than zones: no other plans
+        bound = bound_of(problem, request, plan, limited or compared or more or problem.drift is not None)
+        proof = prove(bound, plan.spent, least, request.proof_time, gap=request.gap)
         least, tried = proof.bound, plan.tried + proof.nodes
         if isinstance(bound, EnergyBound) and proof.better is not None:
             better = outcome(Found(proof.better, MARGINS[0], False, tried))
@@ -451,9 +448,9 @@ def bounded(request: Request, plan: Plan) -> Plan:
         elif isinstance(bound, ImpulseBound) and proof.better is not None and bound.plans is not None:
             better = outcome_of(bound.plans, fewest(bound.plans, proof.better), tried)
             plan = completed(plan, problem, better, request) if better.delta_v < plan.delta_v else plan
-    lower = min(free + least, plan.spent)
-    reason = f"{plan.reason}, {closeness(plan.spent, lower, plan.cost, limited and fired)}"
-    return replace(plan, lower_bound=lower, proven=is_proven(plan.spent, lower), reason=reason)
+    least = min(least, plan.spent)
+    reason = f"{plan.reason}, {closeness(plan.spent, least, plan.cost, limited and fired)}"
+    return replace(plan, lower_bound=least, proven=is_proven(plan.spent, least), reason=reason)
 
 
 def bound_of(problem: Problem, request: Request, plan: Plan, fixed: bool) -> EnergyBound | ImpulseBound:

@@ -97,7 +97,7 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Lower bound on all plans of a node, beyond the `free` cost, and the paths of the bound as `found`.
+    """Lower bound on all plans of a node, and the paths of the bound as `found`.
 
     `short` (K,) are shortfalls of the node's samples: the largest is cut first, and none below 0.  `idle`
     (K,) is True for samples that hardly raise the bound.  If `settled`, other times are examined first.
@@ -126,10 +126,6 @@ class Bound(Protocol):
     samples: Samples
     same: float  # of all time: samples that are merged
 
-    @property
-    def free(self) -> float:
-        """Cost without zones, beyond which costs and bounds are counted."""
-
     def solve(
         self, samples: list[int], cut: list[Piece], goal: float, parent: Answer | None
     ) -> Answer | None:
@@ -142,13 +138,11 @@ class Bound(Protocol):
         """Return a clear plan on the sides of a node that costs less than `cost`, and its cost; else None."""
 
 
-@dataclass(frozen=True, eq=False)
-class Proof:
-    """Certified lower bound, beyond the free cost; `better` is a plan of lower `cost`, if one was found."""
+class Proof(NamedTuple):
+    """Certified lower bound, and a plan of lower cost if one was found."""
 
     bound: float
     nodes: int
-    cost: float
     better: Any = None
 
 
@@ -159,14 +153,11 @@ def prove(
 
     The search raises it for the given seconds, or nodes, until the optimality gap is at most `gap`.
     """
-    share = SPARE * gap / (1.0 + gap)
-    if seconds == 0.0 or cost - least <= share * (bound.free + cost):
-        return Proof(min(least, cost), 0, cost)
-    search = _Search(bound, cost, share)
+    search = _Search(bound, cost, SPARE * gap / (1.0 + gap))
     over = perf_counter() + seconds
     while search.queue and search.nodes < nodes and perf_counter() < over:
         search.open(heappop(search.queue))
-    return Proof(min(max(least, search.bound), search.cost), search.nodes, search.cost, search.better)
+    return Proof(min(max(least, search.bound), search.cost), search.nodes, search.better)
 
 
 def is_proven(energy: float, bound: float) -> bool:
@@ -199,7 +190,7 @@ class _Search:
     @property
     def goal(self) -> float:
         """Bound at which a node is closed."""
-        return self.cost - self.share * (self.of.free + self.cost)
+        return self.cost * (1.0 - self.share)
 
     @property
     def bound(self) -> float:

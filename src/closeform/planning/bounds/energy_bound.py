@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
 
 CLOSED = 1e-6  # of the multipliers' own energy: sufficient accuracy of the bound
-ROUGH, NEARLY = 0.02, 0.05  # accuracy of a plan's bound, and of a node's: of the bound or of what it lacks
+NEARLY = 0.05  # accuracy of the bound: of itself or of what it lacks
 LARGEST = 80  # maximum connected contacts of a bound
 FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of the extra energy
 SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
@@ -27,23 +26,11 @@ UNFELT = 1e-9  # of the goal: shortfall in a zone's centre of a sample without m
 STARTS = 50  # nodes for each start that is solved
 
 
-class Lagrangian(NamedTuple):
-    """Bound on the extra energy [m^2/s^3], its multipliers, and the minimum of its Lagrangian.
-
-    `forces` and `reached` places (K, 3) of the samples are in zone coordinates.
-    """
-
-    bound: float
-    multipliers: Floats
-    forces: Floats
-    reached: Floats
-
-
 class EnergyBound:
-    """Lower bound on the energy of all clear plans of one problem, beyond that of the unconstrained optima.
+    """Lower bound on the energy of all clear plans of one problem.
 
     `missed` returns the conflicts after a loss of thrust under contacts' multipliers, and their clearance
-    ratios.  A `fixed` plan is not replaced by one of lower cost, nor is one that keeps more than zones.
+    ratios.  A `fixed` plan is not replaced by one of lower cost.
     """
 
     same = 5e-3
@@ -55,8 +42,7 @@ class EnergyBound:
         missed: Callable[[Contacts], tuple[Contacts, Floats]] | None = None,
         fixed: bool = False,
     ) -> None:
-        self.problem, self.missed = problem.relaxed, missed
-        self.fixed = fixed or bool(problem.sigmas or problem.requirements) or problem.drift is not None
+        self.problem, self.missed, self.fixed = problem.relaxed, missed, fixed
         self.samples = Samples.of_plan(self.problem, contacts)
         self.gram, self.places = np.empty((0, 0)), np.empty((0, 3))
         self.nodes = self.starts = 0
@@ -71,19 +57,19 @@ class EnergyBound:
         """Solver for plans on the sides of nodes."""
         return LocalSolver(self.problem, MARGINS[0])
 
-    def lagrangian(
-        self,
-        samples: Sequence[int],
-        cut: Sequence[Piece],
-        enough: float,
-        tolerance: float,
-        start: Floats | None = None,
-    ) -> Lagrangian:
-        """Return the dual bound of samples in pieces of their zones' outside, from multipliers `start`."""
-        count = len(samples)
+    def solve(
+        self, samples: Sequence[int], cut: Sequence[Piece], goal: float, parent: Answer | None = None
+    ) -> Answer:
+        """Return the answer of samples in pieces of their zones' outside: the dual bound, by its forces.
+
+        The shortfall of a sample is the gain of the bound, to first order, if the place were on the surface
+        of its zone instead of inside.
+        """
+        self.nodes, goal = self.nodes + 1, goal - self.free
         if 3 * self.samples.number > len(self.gram):
             motions, gram = self.problem.unconstrained(self.samples.contacts)
             self.places, self.gram = motions[:, 0], 0.5 * (gram + gram.T)
+        count, held = len(samples), np.array(samples, dtype=np.int64)
         round_ones = [k for k in range(count) if len(cut[k].rows)]
         planes = [k for k in range(count) if not cut[k].whole]
         offsets = np.cumsum([0, *(len(cut[k].rows) for k in round_ones)])
@@ -93,45 +79,29 @@ class EnergyBound:
         for row, k in enumerate(planes, offsets[-1]):
             rows[row, k] = cut[k].normal
         rows = rows.reshape(len(rows), 3 * count)
-        index = (3 * np.array(samples, dtype=np.int64)[:, None] + np.arange(3)).ravel()
-        gram, places = self.gram[np.ix_(index, index)], self.places[samples].ravel()
+        index = (3 * held[:, None] + np.arange(3)).ravel()
+        gram, places = self.gram[np.ix_(index, index)], self.places[held].ravel()
         between = rows @ gram @ rows.T
-        multipliers = np.zeros(len(round_ones) + len(planes)) if start is None else start.copy()
-        forces, floors = np.zeros(len(rows)), np.array([cut[k].floor for k in planes])
-        bound = 0.0  # of samples at the ends of their craft's time
-        if between.diagonal().max(initial=0.0) > 0.0:
+        multipliers, floors = np.zeros((2, count)), np.array([cut[k].floor for k in planes])
+        multipliers[0] = self.samples.contacts.multipliers[held]  # those of a plan may suffice
+        given = np.concatenate([multipliers[0, round_ones], multipliers[1, planes]])
+        bound, forces = 0.0, np.zeros(len(rows))
+        if between.diagonal().max(initial=0.0) > 0.0:  # else all are at the ends of their craft's time
             between = 0.5 * (between + between.T)
-            bound = dual_bound(
-                rows @ places, between, offsets, floors, enough, tolerance, multipliers, forces
-            )
-        weights = np.zeros((2, count))
-        weights[0, round_ones], weights[1, planes] = np.split(multipliers, [len(round_ones)])
+            bound = dual_bound(rows @ places, between, offsets, floors, goal, NEARLY, given, forces)
+        multipliers[0, round_ones], multipliers[1, planes] = np.split(given, [len(round_ones)])
         forces = rows.T @ forces
-        return Lagrangian(
-            bound, weights, forces.reshape(count, 3), (places + gram @ forces).reshape(count, 3)
-        )
-
-    def solve(self, samples: list[int], cut: list[Piece], goal: float, parent: Answer | None) -> Answer:
-        """Return the answer of samples in pieces of their zones' outside.
-
-        The shortfall of a sample is the gain of the bound, to first order, if the place were on the surface
-        of its zone instead of inside.
-        """
-        self.nodes += 1
-        found = self.lagrangian(samples, cut, goal, NEARLY)
-        short, idle = np.zeros(len(samples)), np.zeros(len(samples), dtype=bool)
-        work = np.abs(np.einsum("ki,ki->k", found.forces, found.reached))
-        for k, (piece, place) in enumerate(zip(cut, found.reached, strict=True)):
-            curved, flat = found.multipliers[:, k]
-            if len(piece.rows):
-                short[k] = 0.5 * curved * piece.missing(place) + UNFELT * goal * max(
-                    piece.missing(place), 0.0
-                )
-                short[k] += flat * (1.0 - np.linalg.norm(piece.rows @ place))
-            idle[k] = piece.whole and not work[k] > IDLE * work.max()
+        reached, pushes = (places + gram @ forces).reshape(count, 3), forces.reshape(count, 3)
+        short, idle = np.zeros(count), np.zeros(count, dtype=bool)
+        work = np.abs((pushes * reached).sum(axis=1))
+        for k in round_ones:
+            missing, felt = cut[k].missing(reached[k]), UNFELT * goal
+            short[k] = 0.5 * multipliers[0, k] * missing + felt * max(missing, 0.0)
+            short[k] += multipliers[1, k] * (1.0 - np.linalg.norm(cut[k].rows @ reached[k]))
+            idle[k] = cut[k].whole and not work[k] > IDLE * work.max()
         short = np.maximum(short, 0.0)
-        settled = short.sum() < SETTLED * max(found.bound, goal - found.bound)
-        return Answer(found.bound, short, idle, bool(settled), found.forces)
+        settled = short.sum() < SETTLED * max(bound, goal - bound)
+        return Answer(self.free + bound, short, idle, bool(settled), pushes)
 
     def conflicts(self, node: Node, fine: float) -> Contacts:
         """Return the conflicts of a node's paths, also after a loss of thrust."""
@@ -148,8 +118,9 @@ class EnergyBound:
         if self.fixed or self.starts * STARTS > self.nodes:
             return None
         self.starts += 1
-        found = self.solver.solve(self.pushed(node), nearer(self.problem), cost)
-        return (found.energy, found) if found.clear and found.energy < cost else None
+        found = self.solver.solve(self.pushed(node), nearer(self.problem), cost - self.free)
+        energy = self.free + found.energy
+        return (energy, found) if found.clear and energy < cost else None
 
     def pushed(self, node: Node) -> Contacts:
         """Return the samples of a node with nonzero forces as contacts."""
@@ -185,8 +156,7 @@ def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None =
         forces = (held.multipliers[:, None] * held.normals).ravel()
         energy = 0.5 * float(forces @ problem.kernel(held) @ forces)
     cut = [bound.samples.outside(k) for k in every]
-    start = held.multipliers if all(piece.exact for piece in cut) else None
-    return bound.lagrangian(every, cut, (1.0 - CLOSED) * energy, ROUGH, start).bound
+    return bound.solve(every, cut, bound.free + (1.0 - CLOSED) * energy).bound - bound.free
 
 
 def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:

@@ -50,7 +50,7 @@ class ImpulseBound:
     `plans` solves for plans of lower cost, if it is given.
     """
 
-    free = same = 0.0
+    same = 0.0
 
     def __init__(
         self, solver: ImpulseSolver, contacts: Sequence[Contact], plans: ImpulseSolver | None = None
