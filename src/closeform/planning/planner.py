@@ -435,8 +435,7 @@ def bounded(request: Request, plan: Plan) -> Plan:
         return plan
     problem, limited, least = request.problem(), request.limits is not None, plan.lower_bound
     if not fired:
-        extra = None if request.requirements else plan.extra_energy  # that of the contacts alone
-        least = max(least, problem.energy(problem.direct) + lower_bound(problem, plan.contacts, extra))
+        least = max(least, problem.energy(problem.direct) + lower_bound(problem, plan.contacts))
     if request.proof_time and plan.spent > (1.0 + request.gap) * least:
         more = not fired and bool(request.requirements or problem.sigmas)  # than zones: no other plans
         bound = bound_of(problem, request, plan, limited or compared or more or problem.drift is not None)

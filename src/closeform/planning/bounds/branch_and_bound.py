@@ -55,11 +55,6 @@ class Samples:
         multipliers = extents * [one.multiplier for one in contacts]
         return cls(problem, found._replace(normals=normals, multipliers=multipliers))
 
-    @property
-    def number(self) -> int:
-        """Number of samples."""
-        return self.contacts.number
-
     def zone(self, sample: int) -> Any:
         """Return the zone of a sample's pair."""
         return self.problem.zones[self.problem.kinds[self.contacts.which[sample]]]
@@ -80,7 +75,7 @@ class Samples:
         apart = np.where(alike, apart.max(axis=1), inf)
         if apart.min(initial=inf) > same * (self.problem.last - self.problem.first):
             self.add(contact)
-            return self.number - 1
+            return self.contacts.number - 1
         return int(apart.argmin())
 
     def outside(self, sample: int) -> Piece:
@@ -184,7 +179,7 @@ class _Search:
         self.nodes = 0
         self.queue: list[Node] = []
         self.least = inf  # bound of the nodes that cannot be opened
-        every = list(range(bound.samples.number))
+        every = list(range(bound.samples.contacts.number))
         self.examine(None, every, [bound.samples.outside(k) for k in every])
 
     @property

@@ -18,7 +18,7 @@ from closeform.planning.problem.scene import Contacts
 CLOSED = 1e-6  # of the multipliers' own energy: sufficient accuracy of the bound
 NEARLY = 0.05  # accuracy of the bound: of itself or of what it lacks
 LARGEST = 80  # maximum connected contacts of a bound
-FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of the extra energy
+FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of their multipliers' energy
 SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
 DEEP = 1e-3  # of the zone: tolerated conflict
 IDLE = 1e-3  # of the largest work: samples below it are dropped in child nodes
@@ -52,10 +52,14 @@ class EnergyBound:
         """Energy of the unconstrained optima."""
         return self.problem.energy(self.problem.direct)
 
-    @cached_property
-    def solver(self) -> LocalSolver:
-        """Solver for plans on the sides of nodes."""
-        return LocalSolver(self.problem, MARGINS[0])
+    def of_plan(self) -> tuple[float, float]:
+        """Return the bound of a plan's contacts beyond the free energy, and their multipliers' energy."""
+        held, every = self.samples.contacts, range(self.samples.contacts.number)
+        forces = (held.multipliers[:, None] * held.normals).ravel()
+        energy = 0.5 * float(forces @ self.problem.kernel(held) @ forces)
+        goal = self.free + (1.0 - CLOSED) * energy
+        answer = self.solve(every, [self.samples.outside(k) for k in every], goal)
+        return answer.bound - self.free, energy
 
     def solve(
         self, samples: Sequence[int], cut: Sequence[Piece], goal: float, parent: Answer | None = None
@@ -66,7 +70,7 @@ class EnergyBound:
         of its zone instead of inside.
         """
         self.nodes, goal = self.nodes + 1, goal - self.free
-        if 3 * self.samples.number > len(self.gram):
+        if 3 * self.samples.contacts.number > len(self.gram):
             motions, gram = self.problem.unconstrained(self.samples.contacts)
             self.places, self.gram = motions[:, 0], 0.5 * (gram + gram.T)
         count, held = len(samples), np.array(samples, dtype=np.int64)
@@ -118,7 +122,8 @@ class EnergyBound:
         if self.fixed or self.starts * STARTS > self.nodes:
             return None
         self.starts += 1
-        found = self.solver.solve(self.pushed(node), nearer(self.problem), cost - self.free)
+        solver = LocalSolver(self.problem, MARGINS[0])
+        found = solver.solve(self.pushed(node), nearer(self.problem), cost - self.free)
         energy = self.free + found.energy
         return (energy, found) if found.clear and energy < cost else None
 
@@ -131,43 +136,25 @@ class EnergyBound:
         return contacts._replace(normals=forces[bear] / sizes[bear, None], multipliers=sizes[bear])
 
 
-def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | None = None) -> float:
-    """Return a lower bound of every clear plan's energy beyond the unconstrained optima.
-
-    It is computed from the contacts of one plan; `extra` is that plan's extra energy, if known.
-    """
-    total, groups = 0.0, _apart(problem, contacts)
-    for group in groups:
+def lower_bound(problem: Problem, contacts: Sequence[Contact]) -> float:
+    """Return a bound on the energy beyond the unconstrained optima of all clear plans, from one's contacts."""
+    total = 0.0
+    for group in _apart(problem, contacts):
         strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
-        energy = extra if len(groups) == 1 else None
-        if energy is not None and len(strongest) > FEW:
-            few = strongest[:FEW]
-            if _bound(problem, few) <= HOPEFUL * energy:  # e.g. failures that touch over a range of times
-                strongest = few
-        total += max(_bound(problem, strongest, energy if len(strongest) == len(contacts) else None), 0.0)
+        bound, energy = EnergyBound(problem, strongest[:FEW]).of_plan()
+        if len(strongest) > FEW and bound > HOPEFUL * energy:  # not failures that touch over a range of times
+            bound, _ = EnergyBound(problem, strongest).of_plan()
+        total += max(bound, 0.0)
     return total
-
-
-def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None = None) -> float:
-    """Return the dual bound of the given contacts; `energy` is that of their multipliers, if known."""
-    bound = EnergyBound(problem, contacts)
-    held, every = bound.samples.contacts, range(len(contacts))
-    if energy is None:
-        forces = (held.multipliers[:, None] * held.normals).ravel()
-        energy = 0.5 * float(forces @ problem.kernel(held) @ forces)
-    cut = [bound.samples.outside(k) for k in every]
-    return bound.solve(every, cut, bound.free + (1.0 - CLOSED) * energy).bound - bound.free
 
 
 def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:
     """Return the contacts in groups without common craft; obstacles do not connect groups."""
-    label = list(range(problem.count))
+    groups: list[tuple[set[int], list[Contact]]] = []
     for contact in contacts:
-        if max(contact.first, contact.second) < problem.count:
-            one, other = label[contact.first], label[contact.second]
-            if one != other:
-                label = [one if mine == other else mine for mine in label]
-    groups: dict[int, list[Contact]] = {}
-    for contact in contacts:
-        groups.setdefault(label[min(contact.first, contact.second)], []).append(contact)
-    return list(groups.values())
+        craft = {k for k in (contact.first, contact.second) if k < problem.count}
+        joined = [group for group in groups if group[0] & craft]
+        groups = [group for group in groups if not group[0] & craft]
+        held = [one for _, group in joined for one in group]
+        groups.append((craft.union(*(near for near, _ in joined)), [*held, contact]))
+    return [group for _, group in groups]
