@@ -137,7 +137,7 @@ class EnergyBound:
 
 
 def lower_bound(problem: Problem, contacts: Sequence[Contact]) -> float:
-    """Return a bound on the energy beyond the unconstrained optima of all clear plans, from one's contacts."""
+    """Return a bound on the energy of all clear plans beyond the unconstrained optima, from one plan's."""
     total = 0.0
     for group in _apart(problem, contacts):
         strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
