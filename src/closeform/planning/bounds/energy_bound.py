@@ -137,7 +137,7 @@ class EnergyBound:
 
 
 def lower_bound(problem: Problem, contacts: Sequence[Contact]) -> float:
-    """Return a bound on the energy of all clear plans beyond the unconstrained optima, from one plan's."""
+    """Return a bound on all clear plans' energy beyond the unconstrained optima, from one's contacts."""
     total = 0.0
     for group in _apart(problem, contacts):
         strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
