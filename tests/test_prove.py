@@ -60,20 +60,21 @@ def passage(seed, orbit=SPACE, count=1):
 @given(st.sampled_from(sorted(ZONES)), st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=50)
 def test_pieces_cover_the_outside_of_a_zone(name, seed):
+    """Also of an ellipsoid in the sum of a ball and sigmas, which is the unit ball in its coordinates."""
     rng = np.random.default_rng(seed)
-    zone = ZONES[name]
+    zone, factor = ZONES[name], rng.normal(size=(3, 3))
+    sigmas = factor @ factor.T if name == "ellipsoid" else np.zeros((3, 3))
+    inside = np.linalg.inv(np.linalg.inv(inner_ball(zone)) + sigmas)
     way = np.linalg.solve(zone.matrix, rng.normal(size=3))
-    size = zone.norm(way)
+    size = np.linalg.norm(inside @ zone.matrix @ way) if name == "ellipsoid" else zone.norm(way)
     if size <= 0.0:
         return  # half-spaces have no end there
     place = zone.matrix @ way / size * rng.choice([1.0 + 1e-9, rng.uniform(1.0, 5.0)])
-    factor = rng.normal(size=(3, 3))
 
     def holds(piece):
         beyond = piece.normal is None or piece.normal @ place >= piece.floor - 1e-12
         return beyond and (not len(piece.rows) or np.linalg.norm(piece.rows @ place) >= 1.0 - 1e-12)
 
-    inside = inner_ball(zone)
     assert holds(outside(zone, inside))
     level = [piece for piece in pieces(zone, inside, factor @ factor.T) if holds(piece)]
     assert level

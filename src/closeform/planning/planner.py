@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from math import inf, nan
 
 import numpy as np
@@ -457,9 +457,13 @@ def bound_of(problem: Problem, request: Request, plan: Plan, fixed: bool) -> Ene
     relaxed, missed, failures = problem.relaxed, None, None
     if problem.drift is not None:
         from closeform.planning.delta_v.thrust_loss import ImpulseFailures
-        from closeform.planning.passive.passive_search import failures_under
+        from closeform.planning.passive.passive_search import failures_with_norms
 
-        missed, failures = partial(failures_under, relaxed), ImpulseFailures(relaxed)
+        def missed(contacts: Contacts) -> tuple[Contacts, Floats]:
+            bodies = relaxed.bodies(relaxed.trajectories(contacts))
+            return failures_with_norms(relaxed, relaxed.path(relaxed.planned(contacts)), bodies)
+
+        failures = ImpulseFailures(relaxed)
     if plan.cost == "energy":
         return EnergyBound(problem, plan.contacts, missed, fixed)
     solver = ImpulseSolver(relaxed, request.thrusters, request.names, failures)

@@ -39,12 +39,6 @@ def failures(problem: Problem, planned: Path, trajectories: Path) -> Contacts:
     return failures_with_norms(problem, planned, trajectories)[0]
 
 
-def failures_under(problem: Problem, contacts: Contacts) -> tuple[Contacts, Floats]:
-    """Return the deepest conflicts after a loss of thrust of paths under contacts' multipliers, and norms."""
-    bodies = problem.bodies(problem.trajectories(contacts))
-    return failures_with_norms(problem, problem.path(problem.planned(contacts)), bodies)
-
-
 def failures_with_norms(problem: Problem, planned: Path, trajectories: Path) -> tuple[Contacts, Floats]:
     """Return the contacts of `failures`, and the norms (K,) there."""
     found, norms, end = Contacts.none(), [np.empty(0)], problem.last
