@@ -110,7 +110,7 @@ def attempt(request: Request, more: bool = False) -> Plan:
 
 def unplanned(request: Request, problem: Problem) -> Plan:
     """Return the plan of a request before any search: only its direct paths."""
-    direct, least = problem.path(problem.direct), problem.energy(problem.direct)
+    direct, least = problem.path(problem.direct), problem.least_energy
     return Plan(
         *(None, direct, request.slots, request.starts, request.durations, nan, nan, nan, least, ()),
         *(Status.NOT_FOUND, ""),
@@ -185,7 +185,7 @@ def unchanged(plan: Plan, paths: Path) -> Plan:
 def completed(plan: Plan, problem: Problem, found: Outcome, request: Request) -> Plan:
     """Return the plan completed with the paths of an outcome that avoids zones or keeps requirements."""
     assert found.trajectories is not None
-    paths, least = problem.path(found.trajectories), problem.energy(problem.direct)
+    paths, least = problem.path(found.trajectories), problem.least_energy
     energy, fired = max(float(paths.energy.sum()), least), request.cost == "delta-v"
     reason = found.reason or f"{contact_count(found)}, the best of {examined(found)}{found.unfireable}"
     if found.order:
@@ -435,7 +435,7 @@ def bounded(request: Request, plan: Plan) -> Plan:
         return plan
     problem, limited, least = request.problem(), request.limits is not None, plan.lower_bound
     if not fired:
-        least = max(least, problem.energy(problem.direct) + lower_bound(problem, plan.contacts))
+        least = max(least, problem.least_energy + lower_bound(problem, plan.contacts))
     if request.proof_time and plan.spent > (1.0 + request.gap) * least:
         more = not fired and bool(request.requirements or problem.sigmas)  # than zones: no other plans
         bound = bound_of(problem, request, plan, limited or compared or more or problem.drift is not None)

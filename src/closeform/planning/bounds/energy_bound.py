@@ -1,7 +1,6 @@
 """Lower bound on the energy of all clear plans: the Lagrangian dual of samples outside their zones."""
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 
 import numpy as np
 
@@ -45,12 +44,7 @@ class EnergyBound:
         self.problem, self.missed, self.fixed = problem.relaxed, missed, fixed
         self.samples = Samples.of_plan(self.problem, contacts)
         self.gram, self.places = np.empty((0, 0)), np.empty((0, 3))
-        self.nodes = self.starts = 0
-
-    @cached_property
-    def free(self) -> float:
-        """Energy of the unconstrained optima."""
-        return self.problem.energy(self.problem.direct)
+        self.free, self.nodes, self.starts = self.problem.least_energy, 0, 0
 
     def of_plan(self) -> tuple[float, float]:
         """Return the bound of a plan's contacts beyond the free energy, and their multipliers' energy."""

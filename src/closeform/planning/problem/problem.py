@@ -374,6 +374,11 @@ class Problem:
         both = stack(paths)
         return self.with_obstacles(both.arcs, both.offsets)
 
+    @cached_property
+    def least_energy(self) -> float:
+        """Control energy [m^2/s^3] of the unconstrained optima."""
+        return self.energy(self.direct)
+
     def energy(self, trajectories: Trajectories) -> float:
         """Return the control energy [m^2/s^3] of all craft together."""
         return float(self.path(trajectories)._total(ENERGY).sum())
