@@ -15,7 +15,7 @@ from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
 
 CLOSED = 1e-6  # of the multipliers' own energy: sufficient accuracy of the bound
-NEARLY = 0.05  # accuracy of the bound: of itself or of what it lacks
+NEARLY = 0.02  # accuracy of the bound: of itself or of what it lacks
 LARGEST = 80  # maximum connected contacts of a bound
 FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of their multipliers' energy
 SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
