@@ -271,7 +271,8 @@ def test_inner_ellipsoid_of_the_lower_bound():
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=2.0)
     contact = plan.contacts[0]
     at = Contacts.at(np.array([0]), np.array([contact.time]))
-    inside = problem.insides(at, contact.normal[None])[0]
+    normal = np.linalg.solve(ZONE.matrix.T, contact.normal)
+    inside = problem.insides(at._replace(normals=normal[None]))[0]
     draws = np.random.default_rng(2).normal(size=(2, 4000, 3))
     surface, ways = draws / np.linalg.norm(draws, axis=2, keepdims=True)
     places = np.linalg.solve(inside, surface.T).T * 28.0  # m, on the ellipsoid

@@ -72,7 +72,7 @@ def avoid(
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
         optimality gap is at most `gap`, and replaces the path if it finds one of lower cost (not with
-        `max_acceleration`, with which cost "delta-v" has no proof).
+        `max_acceleration` or `drift`, nor at minimum energy with `errors` or `requirements`).
     gap : float, no unit, default 0.001
         Optimality gap, as a fraction of the lower bound, at which `prove` stops.
     names : sequence of str, optional
@@ -92,11 +92,11 @@ def avoid(
     drift : float [s], optional
         Passive-safety horizon.  If thrust is permanently lost at any time, the craft stays clear of every
         zone until this long after the path's end.  Obstacles must be known until then.  Cannot be combined
-        with `prove` or "sauter-palmer".
+        with "sauter-palmer".
     errors : Uncertainty or None, default None
         Uncertainty of the craft from the path's start.  No error within `sigmas` standard deviations causes a
         conflict.  Execution errors are those of the planned path.  With `drift` they count until the path's
-        end; free drifts after a loss of thrust keep only the zones clear.  Cannot be combined with `prove` or
+        end; free drifts after a loss of thrust keep only the zones clear.  Cannot be combined with
         "sauter-palmer".
     other_errors : Uncertainty, sequence of these, or None, default None
         Independent uncertainty of the obstacles: one for all, or one for each.
@@ -110,7 +110,7 @@ def avoid(
         Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
         `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance); on its thrust: times of `NoThrust`,
         `ThrustExclusion` and `Plume`.  Those on thrust require cost "delta-v", and so do all of them with
-        `drift`, `prove` or another method.  The lower bound counts those on states.
+        `drift` or another method.  The lower bound counts those on states.
 
     Returns
     -------

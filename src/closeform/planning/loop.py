@@ -24,7 +24,7 @@ From a problem to a plan:
 3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `energy_solver`) proposes starts:
    planes on different sides of the zones.  A method above leads from each start to clear paths; the best
    are kept.
-4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/delta_v_proof` bound the cost of all clear
+4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/impulse_bound` bound the cost of all clear
    plans.
 
 The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:

@@ -19,10 +19,18 @@ from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
-from closeform.planning.bounds.branch_and_bound import closeness, is_proven
-from closeform.planning.bounds.branch_and_bound import prove as prove_bound
+from closeform.planning.bounds.branch_and_bound import closeness, is_proven, prove
+from closeform.planning.bounds.energy_bound import EnergyBound, lower_bound
 from closeform.planning.delta_v.checks import Spent
-from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_impulses, unconstrained
+from closeform.planning.delta_v.delta_v_search import (
+    fewest,
+    outcome_of,
+    shortage,
+    solve_impulses,
+    unconstrained,
+)
+from closeform.planning.delta_v.impulse_bound import ImpulseBound
+from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from closeform.planning.energy.side_search import MARGINS, Found
 from closeform.planning.energy_solver import least_energy
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
@@ -102,7 +110,7 @@ def attempt(request: Request, more: bool = False) -> Plan:
 
 def unplanned(request: Request, problem: Problem) -> Plan:
     """Return the plan of a request before any search: only its direct paths."""
-    direct, least = problem.path(problem.direct), problem.energy(problem.direct)
+    direct, least = problem.path(problem.direct), problem.least_energy
     return Plan(
         *(None, direct, request.slots, request.starts, request.durations, nan, nan, nan, least, ()),
         *(Status.NOT_FOUND, ""),
@@ -175,22 +183,24 @@ def unchanged(plan: Plan, paths: Path) -> Plan:
 
 
 def completed(plan: Plan, problem: Problem, found: Outcome, request: Request) -> Plan:
-    """Return the plan completed with the paths of an outcome of minimum energy."""
+    """Return the plan completed with the paths of an outcome that avoids zones or keeps requirements."""
     assert found.trajectories is not None
-    paths, least = problem.path(found.trajectories), float(plan.direct.energy.sum())
-    reason = found.reason or f"{contact_count(found)}, the best of {examined(found)}"
+    paths, least = problem.path(found.trajectories), problem.least_energy
+    energy, fired = max(float(paths.energy.sum()), least), request.cost == "delta-v"
+    reason = found.reason or f"{contact_count(found)}, the best of {examined(found)}{found.unfireable}"
     if found.order:
         reason += f", planned in order: {', '.join(request.names[k] for k in found.order)}"
     return replace(
         plan,
         paths=paths,
-        energy=max(float(paths.energy.sum()), least),
-        extra_energy=found.extra,
-        delta_v=float(paths.delta_v.sum()),
-        contacts=found.contacts,
+        energy=energy,
+        extra_energy=energy - least if fired else found.extra,
+        delta_v=found.delta_v if fired else float(paths.delta_v.sum()),
+        contacts=once(found.contacts) if fired else found.contacts,
         clearance_ratio=found.margin,
         tried=found.tried,
-        priced=found.priced,
+        blocked=None,
+        priced=found.priced or (fired and not found.contacts),
         status=Status.AVOIDED,
         reason=reason,
     )
@@ -223,29 +233,14 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
             weak = shortage(problem, limits, found.enough)
             return too_weak(plan, weak, names[weak.craft])
         return not_found(plan, request, problem, found)
-    paths, spent = kept, nan if kept is None else float(kept.delta_v.sum())
-    if found.trajectories is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
-        paths, spent = problem.path(found.trajectories), found.delta_v
-    assert paths is not None
-    changed, bound = paths is not kept and found.tried > 0, min(free.least, spent)
-    contacts = once(found.contacts) if changed else ()
-    best = f"{contact_count(found)}, the best of {examined(found)}" if changed else "no conflict"
-    energy = float(paths.energy.sum())
-    return replace(
-        plan,
-        paths=paths,
-        energy=energy,
-        extra_energy=energy - problem.energy(problem.direct),
-        delta_v=spent,
-        lower_bound=bound,
-        contacts=contacts,
-        blocked=None,
-        clearance_ratio=found.margin if changed else 1.0,
-        proven=is_proven(spent, bound),
-        status=Status.AVOIDED if changed else Status.CLEAR,
-        reason=f"{best}, {closeness(spent, bound, 'delta-v', limits is not None)}{found.unfireable}",
-        priced=found.priced or not contacts,
-    )
+    if found.trajectories is None or (kept and found.delta_v >= (1.0 - CHEAPER) * float(kept.delta_v.sum())):
+        assert kept is not None
+        paths = problem.with_path(*(kept[k] for k in range(problem.count)))
+        found = Outcome(paths, (), 0.0, 1.0, False, 0, delta_v=float(kept.delta_v.sum()))
+    plan = completed(plan, problem, found, request)
+    if found.tried:
+        return plan
+    return replace(plan, status=Status.CLEAR, clearance_ratio=1.0, reason=f"no conflict{found.unfireable}")
 
 
 def beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
@@ -434,42 +429,43 @@ def keeps_limits(request: Request, paths: Path) -> bool:
 
 
 def bounded(request: Request, plan: Plan) -> Plan:
-    """Return the plan with its proven lower bound, or a plan of lower cost found during the proof."""
-    if plan.status is not Status.AVOIDED or request.method == "sauter-palmer":
+    """Return the plan with its certified lower bound, or a plan of lower cost found during the proof."""
+    fired, compared = plan.cost == "delta-v", request.method == "sauter-palmer"
+    if not plan.ok or (compared and not request.proof_time) or (plan.status is Status.CLEAR and not fired):
         return plan
-    if plan.cost == "delta-v":
-        return bounded_delta_v(request, plan) if request.proof_time and not plan.proven else plan
-    if request.requirements:
-        reason = f"{plan.reason}, {closeness(plan.energy, plan.lower_bound)}"
-        return replace(plan, proven=is_proven(plan.energy, plan.lower_bound), reason=reason)
-    problem, fixed = request.problem(), request.limits is not None
-    spent = plan.extra_energy, plan.energy
-    proof = prove_bound(problem, plan.contacts, *spent, request.proof_time, gap=request.gap, fixed=fixed)
-    if proof.better is not None:
-        better = outcome(Found(proof.better, MARGINS[0], False, plan.tried + proof.nodes))
-        plan = completed(plan, problem, better, request)
-    bound = min(float(plan.direct.energy.sum()) + proof.bound, plan.energy)
-    reason = f"{plan.reason}, {closeness(plan.energy, bound)}"
-    return replace(plan, lower_bound=bound, proven=is_proven(plan.energy, bound), reason=reason)
+    problem, limited, least = request.problem(), request.limits is not None, plan.lower_bound
+    if not fired:
+        least = max(least, problem.least_energy + lower_bound(problem, plan.contacts))
+    if request.proof_time and plan.spent > (1.0 + request.gap) * least:
+        more = not fired and bool(request.requirements or problem.sigmas)  # than zones: no other plans
+        bound = bound_of(problem, request, plan, limited or compared or more or problem.drift is not None)
+        proof = prove(bound, plan.spent, least, request.proof_time, gap=request.gap)
+        least, tried = proof.bound, plan.tried + proof.nodes
+        if isinstance(bound, EnergyBound) and proof.better is not None:
+            better = outcome(Found(proof.better, MARGINS[0], False, tried))
+            plan = completed(plan, problem, better, request)
+        elif isinstance(bound, ImpulseBound) and proof.better is not None and bound.plans is not None:
+            better = outcome_of(bound.plans, fewest(bound.plans, proof.better), tried)
+            plan = completed(plan, problem, better, request) if better.delta_v < plan.delta_v else plan
+    least = min(least, plan.spent)
+    reason = f"{plan.reason}, {closeness(plan.spent, least, plan.cost, limited and fired)}"
+    return replace(plan, lower_bound=least, proven=is_proven(plan.spent, least), reason=reason)
 
 
-def bounded_delta_v(request: Request, plan: Plan) -> Plan:
-    """Return a plan of delta-v with the bound of branch and bound, or a plan of lower cost that it found."""
-    problem = request.problem()
-    given = request.thrusters, request.names, plan.delta_v, request.proof_time, request.gap
-    bound, better = proven(problem, *given)
-    reason, before = plan.reason, closeness(plan.delta_v, plan.lower_bound, "delta-v")
-    if better is not None and better.trajectories is not None and better.delta_v < plan.delta_v:
-        reason = f"{contact_count(better)}, {before}{better.unfireable}"
-        plan = replace(
-            plan,
-            paths=problem.path(better.trajectories),
-            delta_v=better.delta_v,
-            contacts=once(better.contacts),
-            tried=better.tried,
-            clearance_ratio=better.margin,
-            priced=better.priced,
-        )
-    bound = min(max(plan.lower_bound, bound), plan.delta_v)
-    reason = reason.replace(before, closeness(plan.delta_v, bound, "delta-v"))
-    return replace(plan, lower_bound=bound, proven=is_proven(plan.delta_v, bound), reason=reason)
+def bound_of(problem: Problem, request: Request, plan: Plan, fixed: bool) -> EnergyBound | ImpulseBound:
+    """Return the bound of a plan's cost, which finds no other plans if the plan is `fixed`."""
+    relaxed, missed, failures = problem.relaxed, None, None
+    if problem.drift is not None:
+        from closeform.planning.delta_v.thrust_loss import ImpulseFailures
+        from closeform.planning.passive.passive_search import failures_with_norms
+
+        def missed(contacts: Contacts) -> tuple[Contacts, Floats]:
+            bodies = relaxed.bodies(relaxed.trajectories(contacts))
+            return failures_with_norms(relaxed, relaxed.path(relaxed.planned(contacts)), bodies)
+
+        failures = ImpulseFailures(relaxed)
+    if plan.cost == "energy":
+        return EnergyBound(problem, plan.contacts, missed, fixed)
+    solver = ImpulseSolver(relaxed, request.thrusters, request.names, failures)
+    others = None if fixed else ImpulseSolver(problem, request.thrusters, request.names)
+    return ImpulseBound(solver, plan.contacts, others)

@@ -90,7 +90,7 @@ def reconfigure(
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
         optimality gap is at most `gap`, and replaces the plan if it finds one of lower cost (not with
-        `max_acceleration`, with which cost "delta-v" has no proof).
+        `max_acceleration` or `drift`, nor at minimum energy with `errors` or `requirements`).
     gap : float, no unit, default 0.001
         Optimality gap, as a fraction of the lower bound, at which `prove` stops.
     cost : "energy" or "delta-v", default "energy"
@@ -106,12 +106,12 @@ def reconfigure(
     drift : float [s], optional
         Passive-safety horizon.  If any one spacecraft permanently loses thrust at any time, while the others
         complete their plans and coast, it stays clear of every zone until this long after the last arrival.
-        Obstacles must be known until then.  Requires method "joint", without `prove`.
+        Obstacles must be known until then.  Requires method "joint".
     errors : Uncertainty, sequence of these, or None, default None
         Uncertainty of all, or of each spacecraft followed by each obstacle, independent, from the start of
         its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  With `drift`
         they count until the last arrival; free drifts after a loss of thrust keep only the zones clear.
-        Requires method "joint", without `prove`.
+        Requires method "joint".
     sigmas : float, no unit, default 3
         Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0

@@ -255,7 +255,7 @@ class Request:
         return request._checked()
 
     def _checked(self) -> Request:
-        """Return the request; raise ValueError for requirements or a proof that the cost does not support.
+        """Return the request; raise ValueError for requirements that the cost does not support.
 
         The same applies to an obstacle that ends before the drift.
         """
@@ -274,7 +274,6 @@ class Request:
                     )
             unsupported = {
                 "drift": self.drift is not None,
-                "prove": self.proof_time > 0.0,
                 "method": self.method not in ("joint", "exact"),
             }
             for name, given in unsupported.items():
@@ -282,8 +281,6 @@ class Request:
                     raise ValueError(
                         f"{name}: cannot be combined with requirements at minimum energy; set cost 'delta-v'"
                     )
-        if self.proof_time and self.cost == "delta-v" and self.limits is not None:
-            raise ValueError("prove: cannot be combined with max_acceleration and cost 'delta-v'; omit one")
         if self.drift is None or self.obstacles is None:
             return self
         until = float((self.starts + self.durations).max()) + self.drift
@@ -447,7 +444,7 @@ def _options(
         raise ValueError(f"cost: must be 'energy' or 'delta-v', got {shown(cost)}")
     if cost == "energy" and thrusters is not None:
         raise ValueError("thrusters: require cost 'delta-v'; set it, or omit thrusters")
-    proving, unusual = prove > 0.0, method != known[0]
+    unusual = method != known[0]
     if cost == "delta-v" and unusual:
         raise ValueError("method: cannot be combined with cost 'delta-v'; omit it, or set cost 'energy'")
     if drift is not None:
@@ -460,8 +457,6 @@ def _options(
             raise ValueError(f"drift: must be 0 s or more, got {shown(drift)}")
         if unusual:
             raise ValueError(f"drift: requires method {known[0]!r}, got {shown(method)}")
-        if proving:
-            raise ValueError("prove: cannot be combined with drift; remove one of them")
     if _any_errors(errors):
         own = zone if isinstance(zone, list | tuple) else [zone]
         if any(
@@ -469,9 +464,8 @@ def _options(
             for one in own
         ):
             raise ValueError(TWICE)
-        wrong = {"prove": proving, "method": unusual}
-        if asked := [name for name, has in wrong.items() if has]:
-            raise ValueError(f"{asked[0]}: cannot be combined with errors; remove one of them")
+        if unusual:
+            raise ValueError("method: cannot be combined with errors; remove one of them")
     return {
         "method": method,
         "cost": cost,

@@ -228,28 +228,13 @@ class Clearing(Thrusting):
 
     @property
     def is_exact(self) -> bool:
-        """True if the planning method supports uncertainty, drift and lower bounds."""
+        """True if the planning method supports uncertainty and drift."""
         return True
 
     @property
     def proving(self) -> Proving:
         """End of the proof of a plan; at once without `prove`."""
         return self.prove or Proving(seconds=0.0)
-
-    @property
-    def unprovable(self) -> str | None:
-        """Setting that `prove` cannot be combined with, or None."""
-        also = {
-            "a method without a lower bound": not self.is_exact,
-            "drift": self.plans_drift,
-            "sigmas": self.sigmas is not None,
-        }
-        return next((what for what, given in also.items() if given), None)
-
-    def flaws(self) -> Iterator[str]:
-        yield from super().flaws()
-        if self.prove is not None and self.unprovable is not None:
-            yield f"prove cannot be combined with {self.unprovable}; remove one of them"
 
 
 class Fellow(Table):
@@ -311,7 +296,7 @@ class Avoid(Clearing):
             # at minimum energy a craft thrusts all the time, and only its states can be restricted
             on_states = "corridor", "speed_limit", "waypoints"
             needing = [key for key in self.path_requirements if key not in on_states]
-            also = {"drift": self.plans_drift, "prove": self.prove is not None, "method": not self.is_exact}
+            also = {"drift": self.plans_drift, "method": not self.is_exact}
             if needing:
                 yield f'{needing[0]} needs cost = "delta-v"; add it'
             first = self.path_requirements[0]

@@ -334,6 +334,12 @@ def scaled_norm(zone: Zone, q: Floats) -> Any:
     return np.maximum(length, np.abs(q[..., rounded:]).max(axis=-1))
 
 
+def inner_ball(zone: Zone) -> Floats:
+    """Return the largest ball |W q| <= 1 in a zone, in its coordinates: W (3, 3)."""
+    ball: Floats = np.eye(3) * (np.linalg.norm(zone.faces, axis=1).max() if zone.shape == FACES else 1.0)
+    return ball
+
+
 def gradient(zone: Zone, position: Floats) -> Floats:
     """Return the gradient (..., 3) [1/m] of the norm at positions (..., 3) [m]; on edges one of many.
 

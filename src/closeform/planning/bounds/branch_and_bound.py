@@ -1,14 +1,18 @@
-"""Certified lower bounds of all clear plans: from a plan's contacts, and by branch and bound over sides.
+"""Certified lower bounds on the cost of all clear plans, by branch and bound over sides.
 
-A node of the search contains samples (a pair at a time), and for each a piece of its zone's outside.  The
-dual bound holds for all plans of a node, so the smallest bound of the open nodes holds for all plans.  The
-node of smallest bound is opened next:
+A sample is a pair at a time, perhaps after a loss of thrust.  At any sample, every clear plan has the pair in
+one of the pieces that cover the outside of its zone.  A node contains samples, each in a piece.  Its bound
+holds for all plans of the node, so the smallest bound of the open nodes holds for all plans.  The node of
+smallest bound is opened next:
 
-    a sample has a shortfall, its pair inside the zone on average ->  a node for each of its pieces
     the bound's own paths are in conflict at another time         ->  the same node with samples there
-    neither                                                       ->  a start for the local solver
+    a sample has a shortfall, its pair inside the zone on average ->  a node for each of its pieces
+    neither                                                       ->  a start for a local solver
 
 until no node is left whose bound is below the goal.                                           # theory 4
+
+A `Bound` is that of one cost: `EnergyBound` or `ImpulseBound`.  Any thrust is a measure of impulses, so the
+second holds for burns and pulses too.  A requirement that a bound omits makes it lower, but not wrong.
 """
 
 from collections.abc import Sequence
@@ -16,40 +20,89 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import inf
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from closeform.planning.bounds.bound_samples import Answer, Samples
+from closeform.arrays import Floats
 from closeform.planning.bounds.zone_pieces import Piece, outside, pieces
-from closeform.planning.energy.local_solver import LocalSolver, Solution, nearer
-from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.plan import Contact, Cost, gap
 from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.scene import Contacts
 
 GAP = 1e-3  # of the lower bound: gap at which a proof ends by default
 SPARE = 0.999  # of the gap, for rounding
 PROVEN = 1e-6  # of the energy: gap of rounding
-NEARLY = 0.05  # accuracy of a node's bound, of the bound or of what it lacks
-LARGEST = 80  # maximum connected contacts of a bound
-FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of the extra energy
-SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
-DEEP, SAME = 1e-3, 5e-3  # of the zone: tolerated conflict; of all time: samples that are merged
-FINER = 1e-3  # factor of both where no piece can be cut
-IDLE = 1e-3  # of the largest work: samples below it are dropped in child nodes
-STARTS = 50  # nodes for each start that is solved
+FINER = 1e-3  # factor of the tolerances of conflicts where no piece can be cut
+
+
+class Samples:
+    """Pairs at times as `contacts`, and ellipsoids |insides q| <= 1 (K, 3, 3) in their keep-out regions."""
+
+    def __init__(self, problem: Problem, contacts: Contacts) -> None:
+        self.problem, self.contacts, self.insides = problem, Contacts.none(), np.empty((0, 3, 3))
+        self.add(contacts)
+
+    @classmethod
+    def of_plan(cls, problem: Problem, contacts: Sequence[Contact]) -> "Samples":
+        """Return samples at the contacts of a plan, with its normals and multipliers there."""
+        found = problem.touched(contacts)
+        metres = problem.bare.matrices[problem.kinds[found.which]].transpose(0, 2, 1)
+        pushes = np.array([one.normal for one in contacts]).reshape(-1, 3)
+        pushes[[one.first > one.second for one in contacts]] *= -1.0
+        extents = np.array([one.reach + problem.sigmas * one.sigma for one in contacts])
+        normals = np.linalg.solve(metres, pushes[:, :, None])[..., 0] / extents[:, None]
+        multipliers = extents * [one.multiplier for one in contacts]
+        return cls(problem, found._replace(normals=normals, multipliers=multipliers))
+
+    def zone(self, sample: int) -> Any:
+        """Return the zone of a sample's pair."""
+        return self.problem.zones[self.problem.kinds[self.contacts.which[sample]]]
+
+    def add(self, contacts: Contacts) -> None:
+        """Add samples at contacts, moved into the windows of their pairs."""
+        inside = np.clip(contacts.times, *self.problem.windows[0][contacts.which].T)
+        times = np.where(contacts.drifts.any(axis=1), contacts.times, inside)
+        fresh = contacts._replace(times=times)
+        self.contacts = self.contacts.joined(fresh)
+        self.insides = np.concatenate([self.insides, self.problem.insides(fresh)])
+
+    def near(self, contact: Contacts, same: float) -> int:
+        """Return the number of the sample near a contact, within `same` of all time; add one if missing."""
+        known = self.contacts
+        alike = (known.which == contact.which) & ((known.drifts > 0.0) == (contact.drifts > 0.0)).all(axis=1)
+        apart = np.abs(np.column_stack([known.times - contact.times, known.drifts - contact.drifts]))
+        apart = np.where(alike, apart.max(axis=1), inf)
+        if apart.min(initial=inf) > same * (self.problem.last - self.problem.first):
+            self.add(contact)
+            return self.contacts.number - 1
+        return int(apart.argmin())
+
+    def outside(self, sample: int) -> Piece:
+        """Return all possible positions of a sample's pair as one piece."""
+        return outside(self.zone(sample), self.insides[sample])
+
+    def parts(self, sample: int, piece: Piece) -> list[Piece]:
+        """Return smaller pieces of a sample that together cover a piece."""
+        if not piece.whole:
+            return piece.halves()
+        compliance = self.problem.kernel(self.contacts.some([sample]))
+        return pieces(self.zone(sample), self.insides[sample], compliance)
 
 
 @dataclass(frozen=True, eq=False)
-class Proof:
-    """Certified lower bound on the energy beyond the unconstrained optima [m^2/s^3].
+class Answer:
+    """Lower bound on all plans of a node, and the paths of the bound as `found`.
 
-    `better` is a plan of lower cost, if one was found on the way.
+    `short` (K,) are shortfalls of the node's samples: the largest is cut first, and none below 0.  `idle`
+    (K,) is True for samples that hardly raise the bound.  If `settled`, other times are examined first.
     """
 
     bound: float
-    nodes: int
-    better: Solution | None
+    short: Floats
+    idle: Any
+    settled: bool
+    found: Any
 
 
 class Node(NamedTuple):
@@ -62,47 +115,44 @@ class Node(NamedTuple):
     answer: Answer
 
 
-def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | None = None) -> float:
-    """Return a lower bound of every clear plan's energy beyond the unconstrained optima.
+class Bound(Protocol):
+    """Lower bound of one cost."""
 
-    It is computed from the contacts of one plan; `extra` is that plan's extra energy, if known.
-    """
-    total, groups = 0.0, _apart(problem, contacts)
-    for group in groups:
-        strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
-        energy = extra if len(groups) == 1 else None
-        if energy is not None and len(strongest) > FEW:
-            few = strongest[:FEW]
-            if _bound(problem, few) <= HOPEFUL * energy:  # e.g. failures that touch over a range of times
-                strongest = few
-        total += max(_bound(problem, strongest, energy if len(strongest) == len(contacts) else None), 0.0)
-    return total
+    samples: Samples
+    same: float  # of all time: samples that are merged
+
+    def solve(
+        self, samples: list[int], cut: list[Piece], goal: float, parent: Answer | None
+    ) -> Answer | None:
+        """Return the answer of samples in pieces, as accurate as `goal` requires; None without any."""
+
+    def conflicts(self, node: Node, fine: float) -> Contacts:
+        """Return conflicts of a node's paths, with normals, at `fine` times the usual tolerance."""
+
+    def better(self, node: Node, cost: float) -> tuple[float, Any] | None:
+        """Return a clear plan on the sides of a node that costs less than `cost`, and its cost; else None."""
+
+
+class Proof(NamedTuple):
+    """Certified lower bound, and a plan of lower cost if one was found."""
+
+    bound: float
+    nodes: int
+    better: Any = None
 
 
 def prove(
-    problem: Problem,
-    contacts: Sequence[Contact],
-    extra: float,
-    energy: float,
-    seconds: float,
-    *,
-    gap: float = GAP,
-    nodes: int = 1_000_000,
-    fixed: bool = False,
+    bound: Bound, cost: float, least: float, seconds: float, *, gap: float = GAP, nodes: int = 1_000_000
 ) -> Proof:
-    """Return the bound of a plan of `energy`, `extra` of it beyond the unconstrained optima [m^2/s^3].
+    """Return the lower bound of all clear plans, of which one costs `cost` and none less than `least`.
 
-    The search raises it for the given seconds, or nodes, until the optimality gap is at most `gap`; with
-    `fixed` it does not look for a plan of lower cost.
+    The search raises it for the given seconds, or nodes, until the optimality gap is at most `gap`.
     """
-    bound, left = lower_bound(problem, contacts, extra), SPARE * gap / (1.0 + gap)
-    if seconds == 0.0 or extra - bound <= left * energy:
-        return Proof(min(bound, extra), 0, None)
-    search = _Search(problem, _samples(problem, contacts), extra, energy - extra, left, fixed)
+    search = _Search(bound, cost, SPARE * gap / (1.0 + gap))
     over = perf_counter() + seconds
     while search.queue and search.nodes < nodes and perf_counter() < over:
         search.open(heappop(search.queue))
-    return Proof(min(max(bound, search.bound), search.extra), search.nodes, search.better)
+    return Proof(min(max(least, search.bound), search.cost), search.nodes, search.better)
 
 
 def is_proven(energy: float, bound: float) -> bool:
@@ -121,118 +171,66 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
 
 
 class _Search:
-    """Open nodes of branch and bound, and the lowest-cost plan so far."""
+    """Open nodes of branch and bound, and the lowest cost of a plan so far."""
 
-    def __init__(
-        self, problem: Problem, samples: Samples, extra: float, free: float, left: float, fixed: bool
-    ) -> None:
-        self.samples = samples
-        self.extra, self.free, self.left, self.fixed = extra, free, left, fixed
-        self.solver = LocalSolver(problem, MARGINS[0])
-        self.better: Solution | None = None
-        self.nodes = self.starts = 0
+    def __init__(self, bound: Bound, cost: float, share: float) -> None:
+        self.of, self.cost, self.share = bound, cost, share
+        self.better: Any = None
+        self.nodes = 0
         self.queue: list[Node] = []
         self.least = inf  # bound of the nodes that cannot be opened
-        self.examine(0.0, list(range(samples.contacts.number)), [outside(zone) for zone in samples.zones])
+        every = list(range(bound.samples.contacts.number))
+        self.examine(None, every, [bound.samples.outside(k) for k in every])
 
     @property
     def goal(self) -> float:
         """Bound at which a node is closed."""
-        return self.extra - self.left * (self.free + self.extra)
+        return self.cost * (1.0 - self.share)
 
     @property
     def bound(self) -> float:
         """Lower bound of all plans."""
         return min(self.goal, self.least, self.queue[0].bound if self.queue else inf)
 
-    def examine(self, bound: float, samples: list[int], cut: list[Piece]) -> None:
-        """Queue a child of a node with the given bound, unless the child's own bound reaches the goal."""
+    def examine(self, parent: Node | None, samples: list[int], cut: list[Piece]) -> None:
+        """Queue a child of a node, unless the child's own bound reaches the goal."""
         self.nodes += 1
-        answer = self.samples.answer(samples, cut, self.goal, NEARLY)
-        bound = max(bound, answer.bound)
-        if bound < self.goal:
-            heappush(self.queue, Node(bound, self.nodes, samples, cut, answer))
+        before = 0.0 if parent is None else parent.bound
+        answer = self.of.solve(samples, cut, self.goal, None if parent is None else parent.answer)
+        if answer is None:
+            self.least = min(self.least, before)
+        elif max(before, answer.bound) < self.goal:
+            heappush(self.queue, Node(max(before, answer.bound), self.nodes, samples, cut, answer))
 
     def open(self, node: Node) -> None:
         """Branch on the sample with the largest shortfall; if all are small, add samples at conflicts."""
+        if node.answer.settled and node.bound < self.goal:
+            if self.at_conflicts(node, 1.0):
+                return
+            better = self.of.better(node, self.cost)
+            if better is not None:
+                self.cost, self.better = better
         if node.bound >= self.goal:
             return
         short = node.answer.short
-        if short.sum() < SETTLED * max(node.bound, self.goal - node.bound):
-            if self.at_conflicts(node, 1.0):
-                return
-            self.start(node)
-            if node.bound >= self.goal:
-                return
-        choices = [k for k in range(len(short)) if node.pieces[k].can_be_cut]
-        if not choices:
-            if not self.at_conflicts(node, FINER):
-                self.least = min(self.least, node.bound)
+        choices = [k for k, piece in enumerate(node.pieces) if piece.can_be_cut and short[k] >= 0.0]
+        if not any(short[k] for k in choices) and self.at_conflicts(node, FINER):
             return
-        k = max(choices, key=lambda k: short[k])
-        work = np.abs(np.einsum("ki,ki->k", node.answer.forces, node.answer.reached))
-        keep = [
-            m for m in range(len(short)) if m == k or not node.pieces[m].whole or work[m] > IDLE * work.max()
-        ]
-        number = node.samples[k]
-        if node.pieces[k].whole:
-            smaller = pieces(self.samples.zones[number], self.samples.compliance(number))
-        else:
-            smaller = node.pieces[k].halves()
-        for piece in smaller:
-            cut = [piece if m == k else node.pieces[m] for m in keep]
-            self.examine(node.bound, [node.samples[m] for m in keep], cut)
+        if not choices:
+            self.least = min(self.least, node.bound)
+            return
+        chosen = max(choices, key=lambda k: short[k])
+        kept = [k for k in range(len(short)) if k == chosen or not node.answer.idle[k]]
+        for part in self.of.samples.parts(node.samples[chosen], node.pieces[chosen]):
+            cut = [part if k == chosen else node.pieces[k] for k in kept]
+            self.examine(node, [node.samples[k] for k in kept], cut)
 
     def at_conflicts(self, node: Node, fine: float) -> bool:
         """Queue the node with samples at conflicts of the bound's paths; return whether there are any."""
-        problem = self.samples.problem
-        trajectories = problem.trajectories(self.samples.pushed(node.samples, node.answer.forces))
-        found = [
-            self.samples.near(problem.index[pair], row[2], SAME * fine)
-            for pair, row in problem.conflicts(trajectories)
-            if row[3] < 1.0 - DEEP * fine
-        ]
+        samples, met = self.of.samples, self.of.conflicts(node, fine)
+        found = [samples.near(met.some([k]), self.of.same * fine) for k in range(met.number)]
         fresh = [number for number in dict.fromkeys(found) if number not in node.samples]
         if fresh:
-            everywhere = [outside(self.samples.zones[number]) for number in fresh]
-            self.examine(node.bound, node.samples + fresh, node.pieces + everywhere)
+            everywhere = [samples.outside(number) for number in fresh]
+            self.examine(node, node.samples + fresh, node.pieces + everywhere)
         return bool(fresh)
-
-    def start(self, node: Node) -> None:
-        """Solve for a plan on the sides of a node, which lowers the goal if it is cheaper than the best."""
-        if self.fixed or self.starts * STARTS > self.nodes:
-            return
-        self.starts += 1
-        problem = self.solver.problem
-        contacts = self.samples.pushed(node.samples, node.answer.forces)
-        solution = self.solver.solve(contacts, nearer(problem), self.extra)
-        if solution.clear and solution.energy < self.extra:
-            self.extra, self.better = solution.energy, solution
-
-
-def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None = None) -> float:
-    """Return the dual bound of the given contacts; `energy` is that of their multipliers, if known."""
-    samples = _samples(problem, contacts)
-    if not samples.gram.diagonal().max() > 0.0:  # contacts at the ends of their craft's time
-        return 0.0
-    return samples.bound(contacts, energy)
-
-
-def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
-    """Return samples at the contacts of a plan."""
-    touched = problem.touched(contacts)
-    return Samples(problem, touched.which, touched.times, touched.drifts)
-
-
-def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:
-    """Return the contacts in groups without common craft; obstacles do not connect groups."""
-    label = list(range(problem.count))
-    for contact in contacts:
-        if max(contact.first, contact.second) < problem.count:
-            one, other = label[contact.first], label[contact.second]
-            if one != other:
-                label = [one if mine == other else mine for mine in label]
-    groups: dict[int, list[Contact]] = {}
-    for contact in contacts:
-        groups.setdefault(label[min(contact.first, contact.second)], []).append(contact)
-    return list(groups.values())

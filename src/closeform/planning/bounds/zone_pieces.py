@@ -25,7 +25,8 @@ FINEST = 1.0 - 1e-6  # distance of the plane above which a piece is not cut
 class Piece:
     """Part of a pair's possible positions, in zone coordinates: |rows q| >= 1, and normal . q >= floor.
 
-    `corners` (2 or 4, 3) are those of a piece of a round surface; `exact`: |rows q| >= 1 is all outside.
+    `corners` (2, 2) or (4, 3) are those of a piece of a round surface, in coordinates `rows` q; `exact`:
+    |rows q| >= 1 is all outside.
     """
 
     rows: Floats
@@ -68,35 +69,28 @@ def round_piece(rows: Floats, corners: Floats) -> Piece:
     """Return the piece of a ball, or of a cylinder's side, between corners on it."""
     middle = corners.sum(axis=0)
     middle /= np.linalg.norm(middle)
-    return Piece(rows, middle, float((corners @ middle).min()), corners)
+    return Piece(rows, middle @ rows, float((corners @ middle).min()), corners)
 
 
-def outside(zone: Zone) -> Piece:
-    """Return the outside of a zone's largest inscribed ball, which is exact for a ball."""
-    return Piece(inner_curvature(zone) * np.eye(3), exact=zone.shape == BALL)
+def outside(zone: Zone, inside: Floats) -> Piece:
+    """Return the outside of an ellipsoid |inside q| <= 1 in a keep-out region; all outside of a ball."""
+    return Piece(inside, exact=zone.shape == BALL)
 
 
-def inner_curvature(zone: Zone) -> float:
-    """Return the inverse radius of the largest ball in a zone, in its coordinates."""
-    return float(np.linalg.norm(zone.faces, axis=1).max()) if zone.shape == FACES else 1.0
+def pieces(zone: Zone, inside: Floats, compliance: Floats) -> list[Piece]:
+    """Return pieces that cover the outside of a zone: its faces, and squares on a ball.
 
-
-def pieces(zone: Zone, compliance: Floats) -> list[Piece]:
-    """Return pieces that cover the outside of a zone: its faces, and squares along each axis of a ball.
-
-    The axes of a ball are those of its compliance (3, 3), so that the softest exits have their own squares.
+    The ball is the ellipsoid |inside q| <= 1, which contains the zone where sigmas are kept clear as well.
+    The axes of its squares are those of the compliance (3, 3), so that the softest exits have their own.
     """
     flat = {CUBE: np.eye(3), CYLINDER: np.eye(3)[2:], BALL: np.empty((0, 3)), FACES: np.empty((0, 3))}
     normals = np.concatenate([flat[zone.shape], -flat[zone.shape], zone.faces])
     found = [Piece(np.empty((0, 3)), normal, 1.0) for normal in normals]
     if zone.shape == CYLINDER:
-        found += [
-            round_piece(np.eye(3)[:2], np.pad(SQUARE[[k, k - 1]], ((0, 0), (0, 1))) / np.sqrt(2.0))
-            for k in range(4)
-        ]
+        found += [round_piece(np.eye(3)[:2], SQUARE[[k, k - 1]] / np.sqrt(2.0)) for k in range(4)]
     if zone.shape == BALL:
-        axes = np.linalg.eigh(compliance)[1].T
+        axes = np.linalg.eigh(inside @ compliance @ inside.T)[1].T
         for k in range(3):
             sides = SQUARE @ axes[[k - 1, k - 2]]
-            found += [round_piece(np.eye(3), (sides + axis) / np.sqrt(3.0)) for axis in (axes[k], -axes[k])]
+            found += [round_piece(inside, (sides + axis) / np.sqrt(3.0)) for axis in (axes[k], -axes[k])]
     return found

@@ -13,7 +13,6 @@ from closeform.motion.arc import END, START
 from closeform.motion.minimum_delta_v.saturated import CLOSE
 from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.planning.delta_v.checks import Spent
-from closeform.planning.delta_v.delta_v_proof import DeltaVProof
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_descent import at_rest, descended
 from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
@@ -173,25 +172,6 @@ def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
     answer = best.trajectories, contacts_of(problem, touched, at), nan, best.margin, False, tried
     small = int(solver.below_bit(best).sum())
     return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small)
-
-
-def proven(
-    problem: Problem,
-    thrusters: Sequence[Thrusters | None],
-    names: Sequence[str],
-    spent: float,
-    seconds: float,
-    gap: float,
-) -> tuple[float, Outcome | None]:
-    """Return a lower bound [m/s] on the delta-v of all clear plans, and a cheaper plan if one was found.
-
-    The proof ends at a relative gap, or after a few seconds.
-    """
-    solver = ImpulseSolver(problem, thrusters, names)
-    proof = DeltaVProof(solver, spent, gap)
-    proof.run(seconds)
-    better = proof.better
-    return proof.bound, None if better is None else outcome_of(solver, fewest(solver, better), proof.nodes)
 
 
 def clear_optimum(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:

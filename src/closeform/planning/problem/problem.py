@@ -27,7 +27,7 @@ from closeform.planning.problem.pieces import BASE, PATHS, PLACES
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.planning.requirements.requirement import RequirementCheck
 from closeform.zones.shapes import BALL
-from closeform.zones.zone import Zone, scaled_norm
+from closeform.zones.zone import Zone, inner_ball, scaled_norm
 
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
 SAMPLES = 64  # of a craft's time; a minimum that they miss is found by the certified march
@@ -359,14 +359,25 @@ class Problem:
         """Return standard deviations (K,) [m] of pairs at contacts, along unit directions (K, 3)."""
         return np.zeros(len(directions))
 
-    def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
-        """Return ellipsoids (K, 3, 3) inside the keep-out regions at contacts; None if zones are used."""
-        return None
+    @property
+    def relaxed(self) -> "Problem":
+        """The problem with only those errors that no plan changes: its keep-out regions are in this one's."""
+        return self
+
+    def insides(self, contacts: Contacts) -> Floats:
+        """Return ellipsoids |W q| <= 1 inside the keep-out regions at contacts, as W (K, 3, 3)."""
+        each = [inner_ball(self.zones[kind]) for kind in self.kinds[contacts.which]]
+        return np.array(each).reshape(-1, 3, 3)
 
     def with_path(self, *paths: Path) -> Trajectories:
         """Return other paths of the craft, one for each, followed by the obstacles."""
         both = stack(paths)
         return self.with_obstacles(both.arcs, both.offsets)
+
+    @cached_property
+    def least_energy(self) -> float:
+        """Control energy [m^2/s^3] of the unconstrained optima."""
+        return self.energy(self.direct)
 
     def energy(self, trajectories: Trajectories) -> float:
         """Return the control energy [m^2/s^3] of all craft together."""

@@ -11,7 +11,7 @@ and every method for planes a . q >= 1 applies.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -21,7 +21,6 @@ import numpy as np
 from closeform.arrays import Floats, size
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
-from closeform.planning.bounds.zone_pieces import inner_curvature
 from closeform.planning.problem.problem import PairRow, Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.uncertainty.covariance_propagation import covariances, propagate_errors
@@ -30,7 +29,7 @@ from closeform.uncertainty.errors import Uncertainty, one_for_each
 from closeform.uncertainty.sigmas.ellipsoid_planes import faced, gauges
 from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.solids import Ellipsoid
-from closeform.zones.zone import Zone
+from closeform.zones.zone import Zone, inner_ball
 
 ROUNDING = 1e-16  # of a covariance: regularises zero uncertainty, where the planes are not unique
 
@@ -207,19 +206,24 @@ class SigmaProblem(Problem):
         spread = self.covariances(trajectories, contacts)
         return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", directions, spread, directions)))
 
-    def insides(self, contacts: Contacts, directions: Floats) -> Floats:
-        """Return ellipsoids |W q| <= 1 in sums of zone and sigmas with the same extents: (K, 3, 3).
+    @cached_property
+    def relaxed(self) -> Problem:
+        """The problem with only those errors that no plan changes: its keep-out regions are in this one's."""
+        kept = Margin(self.kept.fixed(self.count), self.sigmas)
+        return replace(self, kept=kept) if self.moves else self
 
-        They include only errors that all plans have, because the other errors may be smaller in another plan.
+    def insides(self, contacts: Contacts) -> Floats:
+        """Return ellipsoids |W q| <= 1 in sums of zone and sigmas with the same extents along the normals.
+
+        They are W (K, 3, 3), and include only errors that all plans have: others may be smaller in another.
         """
         spread, out = self.relative(self.fixed, contacts), np.empty((contacts.number, 3, 3))
-        for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
+        for k, (kind, normal) in enumerate(zip(self.kinds[contacts.which], contacts.normals, strict=True)):
             zone = self.zones[kind]
             values, vectors = np.linalg.eigh(zone.matrix @ spread[k] @ zone.matrix.T)
             axes = self.sigmas * vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-            normal = np.linalg.solve(zone.matrix.T, way)
             turn = rotation_between(axes.T @ normal, normal)
-            out[k] = np.linalg.inv(np.eye(3) / inner_curvature(zone) + axes @ turn)
+            out[k] = np.linalg.inv(np.linalg.inv(inner_ball(zone)) + axes @ turn)
         return out
 
     def enlarged(self, contacts: Contacts) -> Problem:

@@ -449,7 +449,7 @@ def optimality(
         unimproved = abs(plan.lower_bound - free) <= UNIMPROVED * plan.spent
         gap += ", without keep-out zones" if unimproved else ", by duality"
     yield gap
-    if not plan.proven and plan.gap > WIDE and stage.prove is None and stage.unprovable is None:
+    if not plan.proven and plan.gap > WIDE and stage.prove is None:
         yield 'Set prove = "10 s" in the stage to tighten the gap'
     if plan.clearance_ratio > TOUCHING:
         larger = 100.0 * (plan.clearance_ratio - 1.0)
