@@ -15,7 +15,7 @@ import closeform as cf
 from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
 from closeform.dynamics.model_error_estimate import MOVES, model_error
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
-from simulated import EPOCH, MU, axes_of, chief, fired, flown, formation, pushed, task, textbook
+from simulated import EPOCH, FIELD, MU, ORBIT, axes_of, chief, fired, flown, formation, pushed, task, textbook
 
 # --- forces -----------------------------------------------------------------------------------
 
@@ -595,6 +595,31 @@ def test_thrust_limit_holds_in_simulation():
     over = (np.linalg.norm(table.commanded, axis=2) > limit).mean(axis=1)  # share of rows
     assert over.max() > 0.1
     assert blind.limited[0] == pytest.approx(over, abs=0.01)
+
+
+def test_thrust_limits_of_stages_agree_with_an_independent_integrator():
+    there, change = formation(0.3, 2), 0.3 * ORBIT.period
+    back = ORBIT.transfer(there.state(change), there.state(0.0), change, change)
+    path, end = cf.join([there, back]), 2.0 * change
+    limits = {0.0: 0.8 * there.peak_thrust, change: [0.7 * back.peak_thrust[0], np.inf]}
+
+    def share(time: float) -> np.ndarray:
+        most = np.array(limits[0.0 if time < change else change])
+        return most / np.linalg.norm(path.thrust(min(time, end)), axis=1)
+
+    def command(time: float) -> np.ndarray:
+        return path.thrust(min(time, end)) * np.minimum(1.0, share(time))[:, None]
+
+    found = cf.simulate(path, FIELD, "open", cancel=False, max_acceleration=limits)
+    other = flown(path, path.state(0.0), end, command)
+    assert found.ends.min() > 50.0  # m
+    assert found.states[0, :, -1, :3] == pytest.approx(other, abs=0.1)  # m; limits act within steps of 10 s
+    beyond = [share(time) < 1.0 for time in np.linspace(0.0, end, 5001)]
+    assert found.limited[0] == pytest.approx(np.mean(beyond, axis=0), abs=2e-3)
+    kicked = cf.join([there, ORBIT.impulsive(there.state(change), there.state(0.0), change, start=change)])
+    cf.simulate(kicked, FIELD, max_acceleration={0.0: 1.0, change: np.inf})
+    with pytest.raises(ValueError, match=r"^max_acceleration: "):
+        cf.simulate(kicked, FIELD, max_acceleration={0.0: np.inf, change: 1.0})
 
 
 def test_simulated_ratios_agree_with_the_certified_search():

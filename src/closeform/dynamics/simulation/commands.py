@@ -282,30 +282,40 @@ def thrust_bends(path: Path) -> Floats:
     return np.concatenate(found)
 
 
+def stages_at(starts: Floats, times: ArrayLike) -> Any:
+    """Return the index of the stage (T,) that lasts from given times onward, by start times (M,)."""
+    return np.searchsorted(starts, np.asarray(times) + SAME) - 1
+
+
 class Engines(NamedTuple):
-    """Engines of N spacecraft: largest thrust, time at which they fail, and minimum impulse bit of all.
+    """Engines of N spacecraft: largest thrust in M stages, time of failure, and minimum impulse bit of all.
 
     A spacecraft without an engine has limit 0 and ignores all commands; one that loses its thrust ignores
     them from that time on.
     """
 
-    limits: Floats  # (N,) [m/s^2]
+    starts: Floats  # (M,) [s] of stages, the first -inf
+    limits: Floats  # (N, M) [m/s^2]
     lost: Floats  # (N,) [s], inf for an engine that does not fail
     minimum_bit: float  # [m/s]
 
     @classmethod
-    def of(cls, running: Any, limit: ArrayLike = np.inf, bit: float = 0.0, lost: Any = np.inf) -> Engines:
-        """Return the engines of spacecraft, some of which are `running` (N,)."""
-        return cls(np.where(running, limit, 0.0), np.broadcast_to(lost, np.shape(running)).astype(float), bit)
+    def unlimited(cls, count: int) -> Engines:
+        """Return engines without limits, which do not fail."""
+        return cls(np.array([-np.inf]), np.full((count, 1), np.inf), np.full(count, np.inf), 0.0)
 
     @property
     def running(self) -> Any:
         """Spacecraft that have an engine (N,)."""
-        return self.limits > 0.0
+        return self.limits.any(axis=1)
+
+    def limits_at(self, times: Floats) -> Floats:
+        """Return the thrust limits (N, T) [m/s^2] from given times onward, 0 after a failure."""
+        return np.where(times < self.lost[:, None] - SAME, self.limits[:, stages_at(self.starts, times)], 0.0)
 
     def among(self, which: Any) -> Engines:
         """Return the engines of the selected spacecraft."""
-        return Engines(self.limits[which], self.lost[which], self.minimum_bit)
+        return self._replace(limits=self.limits[which], lost=self.lost[which])
 
 
 class ThrusterStages(NamedTuple):
@@ -350,10 +360,6 @@ class ThrusterStages(NamedTuple):
         """Sets of thrusters, without stages of free thrust."""
         return [one for one in self.sets if one is not None]
 
-    def at(self, times: Floats) -> Any:
-        """Return the index of the set (T,) that is used from given times onward."""
-        return np.searchsorted(self.starts, times + SAME) - 1
-
     def pieces(self, path: Path) -> Iterator[tuple[Path, Thrusters | None]]:
         """Yield the parts of one spacecraft's path, each with its set."""
         arcs = path.arcs
@@ -364,7 +370,7 @@ class ThrusterStages(NamedTuple):
                 arcs[k - 1, END] = arcs[k, START] = time
                 arcs[k, IMPULSE : IMPULSE + 3] = 0.0
         arcs = linked(path.orbit, arcs.copy(), ends_of(path)[0]).arcs
-        which = self.at(arcs[:, START])
+        which = stages_at(self.starts, arcs[:, START])
         for k, own in enumerate(self.sets):
             if len(some := arcs[which == k]):
                 yield path_of(path.orbit, some, np.array([0, len(some)]), ()), own
@@ -402,7 +408,7 @@ class ThrusterModel(NamedTuple):
     def used(self, times: Floats) -> Any:
         """Return the row of the set (T,) that is used from given times onward, -1 for free thrust."""
         real = np.array([own is not None for own in self.stages.sets])
-        return np.where(real, np.cumsum(real) - 1, -1)[self.stages.at(times)]
+        return np.where(real, np.cumsum(real) - 1, -1)[stages_at(self.stages.starts, times)]
 
     def free(self, times: Floats) -> Floats:
         """Return the time (M, J, T) [s] without planned firing of each thruster since the first time."""
@@ -489,7 +495,8 @@ class Commands:
         longest = PULSED if pulsed else CONTINUOUS
         if not pulsed and not path.peak_thrust.any() and (law is None or law.impulses):
             longest = IMPULSIVE
-        spans, edges = ThrustSpans.of(path, law), thrust_jumps(path)
+        engines = engines or Engines.unlimited(len(path))
+        spans, edges = ThrustSpans.of(path, law), np.concatenate([thrust_jumps(path), engines.starts[1:]])
         if outputs is None:
             outputs = np.union1d(thrust_bends(path), spans.bounds)
         whole = float(path.start[0]), float(path.end[0])
@@ -500,7 +507,6 @@ class Commands:
         slots = np.searchsorted(grid.impulse_times, when)
         np.add.at(fired, (craft, slots), planned if impulses is None else impulses)  # several at one instant
         frame = None if known is None else ChiefFrame.of(known, grid.times)
-        engines = engines or Engines.of(np.ones(len(path), dtype=bool))
         target = path if reference is None else reference
         return cls(path, grid, known, frame, spans, fired, target, law, engines, thrusters)
 

@@ -15,7 +15,7 @@ from closeform.dynamics.control.feedback import delay_transitions, impulse_gains
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.model_error import residuals
-from closeform.dynamics.simulation.commands import BESIDE, SAME, Commands, ErrorEvents, impulse_until
+from closeform.dynamics.simulation.commands import BESIDE, Commands, ErrorEvents, impulse_until
 from closeform.dynamics.simulation.integrator import FACET, THRUSTER, Steps, integrate
 from closeform.dynamics.simulation.random_errors import SampledErrors
 from closeform.motion.arc import IMPULSE, STATE
@@ -129,9 +129,8 @@ def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:
 
 def _planned_delta_v(steps: Steps) -> Floats:
     """Return the delta-v of planned free thrust and impulses (N,) [m/s], as the integrator counts it."""
-    running = np.arange(len(steps.lengths) + 1) < np.where(steps.limits > 0.0, steps.losses, 0)[:, None]
-    running &= steps.sets < 0
-    size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, None, None])
+    running = (steps.limits > 0.0) & (steps.sets < 0)
+    size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, :-1, None])
     thrust = size @ [1.0, 4.0, 1.0] * running[:, :-1] @ steps.lengths / 6.0
     return np.asarray(thrust + (np.linalg.norm(steps.planned_impulses, axis=2) * running).sum(axis=1))
 
@@ -164,8 +163,7 @@ def _steps(
     corrections = np.where((grid.feedback_impulses >= 0) & (sets >= 0), len(gains) // 2, 0)
     corrections += grid.feedback_impulses  # impulses, then burns of thrusters
     laws = grid.measurements, grid.updates, late, grid.rows, rules, corrections, gains
-    lost = np.searchsorted(grid.nodes, engines.lost - SAME)
-    of_engines = field._ballistics(count), engines.limits, lost, engines.minimum_bit
+    of_engines = field._ballistics(count), engines.limits_at(grid.nodes), engines.minimum_bit
     events = commands.events if errors.events.size else NO_EVENTS
     return Steps._make(
         [

@@ -20,8 +20,8 @@ from closeform.dynamics.control.feedback import Feedback, Navigation, default_fe
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.model_error import validity
-from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
-from closeform.dynamics.simulation.commands import Engines, ThrusterStages, intervals_in
+from closeform.dynamics.planned_paths import checked_paths, impulses_of, running_engines, until_lost
+from closeform.dynamics.simulation.commands import SAME, Engines, ThrusterStages, intervals_in, stages_at
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.propagate import Trajectories
 from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of, thrust_errors
@@ -51,7 +51,7 @@ def simulate(
     cancel: bool = True,
     known: Field | None = None,
     thrust_error: ArrayLike = (0.0, 0.0),
-    max_acceleration: ArrayLike | None = None,
+    max_acceleration: ArrayLike | dict[float, ArrayLike] | None = None,
     minimum_bit: float = 0.0,
     thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     seeds: int | Sequence[int] = 1,
@@ -86,9 +86,9 @@ def simulate(
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         Bounds on each spacecraft's relative thrust error and on its direction error. They are uniformly
         distributed and constant through a simulation.
-    max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        Limit of thrust without thrusters; `limited` reports the fraction of time at the limit. Cannot be
-        combined with impulses.
+    max_acceleration : array_like of shape (N,) or (), or dict of these by start time [s] [m/s^2], optional
+        Limit of thrust without thrusters, or the limits of successive stages; inf for none. `limited` reports
+        the fraction of time at the limit. A stage with a limit cannot have impulses.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
     thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
@@ -154,13 +154,14 @@ def simulate(
     asked_law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, count)
-    limit, lost_at = _limit(max_acceleration, fires, count), _loss_times(lost, count)
+    (starts, limits), lost_at = _stage_limits(max_acceleration, paths), _loss_times(lost, count)
     least = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     sampler = ErrorSampler(
         seeds_of(seeds), sight, sizes, errors_of_each(errors, count), float(paths.start[0])
     )
     believed = known or field
-    engines = Engines.of(running_engines(engine, paths, believed, own_sets), limit, least, lost_at)
+    running = running_engines(engine, paths, believed, own_sets)
+    engines = Engines(starts, np.where(running[:, None], limits, 0.0), lost_at, least)
     if control == "replan":
         _check_replanning(zones, asked_law, fires, cancel, lost_at)
     elif pulsed and not (cancel and least == 0.0):
@@ -226,18 +227,23 @@ def _loss_times(lost: ArrayLike | None, count: int) -> Floats:
     return times
 
 
-def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:
-    """Return the thrust limit (N,) [m/s^2] after a check."""
-    if max_acceleration is None:
-        return np.full(count, np.inf)
-    limit = of_each("max_acceleration", max_acceleration, count)
-    if not (limit > 0.0).all():
-        raise ValueError(f"max_acceleration: must be positive, got {shown(max_acceleration)}")
-    if fires:
+def _stage_limits(given: Any, paths: Path) -> tuple[Floats, Floats]:
+    """Return start times (M,) [s] of stages, the first -inf, and thrust limits (N, M) [m/s^2]."""
+    stages = given if isinstance(given, dict) else {0.0: np.inf if given is None else given}
+    times = [number("max_acceleration", time) for time in stages]
+    if not times or times != sorted(times):
+        raise ValueError("max_acceleration: expected limits by start time, in order")
+    starts = np.array([-np.inf, *times[1:]])
+    limits = np.stack([of_each("max_acceleration", one, len(paths)) for one in stages.values()], axis=1)
+    if not (limits > 0.0).all():
+        raise ValueError(f"max_acceleration: must be positive, got {shown(given)}")
+    craft, fired, _ = impulses_of(paths)
+    # an impulse between two stages belongs to either
+    if np.isfinite([limits[craft, stages_at(starts, fired - dt)] for dt in (0.0, 2.0 * SAME)]).all(0).any():
         raise ValueError(
             "max_acceleration: cannot be combined with impulses; remove it, or plan continuous thrust"
         )
-    return limit
+    return starts, limits
 
 
 class Run(NamedTuple):
@@ -362,7 +368,8 @@ class Replanner:
         first, why = self.first, list[str]()
         end, orbit = float(self.instants[-1]), first.paths.orbit
         moving, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
-        limits = self.engines.limits[moving]
+        ahead = np.append(begin, self.engines.starts[self.engines.starts > begin])
+        limits = self.engines.limits_at(ahead)[moving].min(axis=1)
         coasting = orbit.coast(states[rest], end - begin, begin)
         order = np.concatenate([moving, rest])
         zones = self.zones

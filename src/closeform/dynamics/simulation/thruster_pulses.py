@@ -26,6 +26,7 @@ from closeform.dynamics.simulation.commands import (
     fires,
     impulse_until,
     joined,
+    stages_at,
     thrust_jumps,
 )
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
@@ -285,7 +286,7 @@ def controllable_axes(thrusters: Thrusters, angles: Floats) -> Floats:
 
 def controllable_in_stages(own: ThrusterStages, times: Floats, n: float) -> Floats:
     """Return the projections (T, 3, 3) of `controllable_axes` at times (T,), for the set in use."""
-    found, which = np.tile(np.eye(3), (len(times), 1, 1)), own.at(times)
+    found, which = np.tile(np.eye(3), (len(times), 1, 1)), stages_at(own.starts, times)
     for k, used in enumerate(own.sets):
         if used is not None:
             found[which == k] = controllable_axes(used, n * times[which == k])
