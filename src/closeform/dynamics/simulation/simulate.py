@@ -19,7 +19,7 @@ from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import validity
+from closeform.dynamics.model_error import greatest_residual
 from closeform.dynamics.planned_paths import checked_paths, impulses_of, running_engines, until_lost
 from closeform.dynamics.simulation.commands import SAME, Engines, ThrusterStages, intervals_in, stages_at
 from closeform.dynamics.simulation.guidance import Guidance
@@ -353,11 +353,12 @@ class Replanner:
         instants = np.linspace(start, end, intervals_in(end - start, law.every) + 1)
         in_step = divide_interval(thrusters, float(instants[1] - instants[0]))
         first = Guidance.of(paths, believed, None, in_step)
-        off = np.hypot(*sampler.sizes.T)
+        off, density = np.hypot(*sampler.sizes.T), np.zeros(len(paths))
         if sampler.errors is not None:
             off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in sampler.errors])
-        pushes = np.where(engines.running, off * paths.peak_thrust, validity(paths, believed).residual)
-        margin = replanning_margin(sampler.navigation, law.every, pushes)
+            density += [one.noise for one in sampler.errors]
+        pushes = np.where(engines.running, off * paths.peak_thrust, greatest_residual(believed, paths))
+        margin = replanning_margin(sampler.navigation, law.every, pushes, density)
         if first.firing is not None:
             margin += float(np.sort(first.deviation)[-2:].sum())
         law = replace(law, every=float(instants[1] - instants[0]))
@@ -410,11 +411,13 @@ def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
     return PairZones(tuple(found), np.arange(count), table, np.arange(count) < moving)
 
 
-def replanning_margin(sight: Navigation, every: float, pushes: Floats) -> float:
-    """Return the margin [m] for two spacecraft between measurements `every` [s] apart.
+def replanning_margin(sight: Navigation, every: float, pushes: Floats, density: Floats) -> float:
+    """Return the margin [m] for any two of N spacecraft between measurements `every` [s] apart.
 
-    It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].
+    It covers 4 sigmas of measurement errors and of process noise of a `density` (N,) [m^2/s^3], all constant
+    errors, and unplanned accelerations `pushes` (N,) [m/s^2].
     """
-    noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
+    square = 2.0 * (sight.position**2 + (every * sight.velocity) ** 2)
+    square += np.sort(density)[-2:].sum() * every**3 / 3.0
     constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)
-    return float(noise + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)
+    return float(SIGMAS * np.sqrt(square) + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)
