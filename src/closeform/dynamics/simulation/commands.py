@@ -187,35 +187,28 @@ class TimeGrid(NamedTuple):
         Measurements are at equal intervals of at most the law's, from the start onward.
         """
         start, end = span
-        impulses = np.unique(impulses)
-        impulses = impulses[np.diff(impulses, append=np.inf) > SAME]  # of equal times the last
         looks = 1 if law is None else intervals_in(end - start, law.every)
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / OUTPUTS))
         each = thin * int(np.ceil(each / thin))
-        base = snapped(np.linspace(start, end, looks * each + 1), impulses)
-        measured = base[:-1:each]
-        inside = np.zeros(0) if law is None else slots_before_next(law, (end - start) / looks)
-        corrected = snapped(measured[:, None] + inside, np.union1d(base, impulses))
-        firing = np.unique(np.concatenate([corrected.ravel(), impulses]))
-        edges = np.concatenate([edges, outputs])
-        edges = joined(edges[edges > start + SAME], np.union1d(base, firing))
-        outputs = joined(outputs[outputs > start + SAME], np.union1d(edges, np.union1d(base, firing)))
-        wait = 0.0 if law is None else min(law.delay, (end - start) / looks)
-        updated = joined(measured + wait, base)
-        nodes = np.unique(np.concatenate([base, firing, edges, updated]))
+        base = np.linspace(start, end, looks * each + 1)
+        measured = updated = base[:0] if law is None else base[:-1:each]
+        corrected = measured[:, None]
+        if law is not None:
+            every = (end - start) / looks
+            updated, corrected = measured + min(law.delay, every), corrected + slots_before_next(law, every)
+        firing = np.concatenate([corrected.ravel(), impulses])
+        outputs = np.concatenate([base[::thin], firing, outputs])
+        nodes = merged(base, np.concatenate([updated, edges, outputs]))
         times = np.empty(2 * len(nodes) - 1)
         times[::2], times[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:])
-        numbers = [
-            _numbered(nodes, measured if law else nodes[:0]),
-            _numbered(nodes, updated if law else nodes[:0]),
-            _numbered(nodes, corrected),
-            _numbered(nodes, firing),
-            _numbered(nodes, np.unique(np.concatenate([base[::thin], firing, outputs]))),
-        ]
-        if law is None or law.impulses or not len(updated):
-            return cls._make([times, *numbers, np.zeros(len(nodes) - 1, dtype=np.int64), np.zeros(3)])
-        return cls._make([times, *numbers, *_kinds(nodes, updated)])
+        seen, used, fired, shown = (_numbered(nodes, one) for one in (measured, updated, firing, outputs))
+        slots = np.full(len(nodes), -1)
+        slots[nearest(nodes, corrected)] = np.arange(corrected.shape[1])
+        kinds: tuple[Any, Floats] = np.zeros(len(nodes) - 1, dtype=np.int64), np.zeros(3)
+        if law is not None and not law.impulses:
+            kinds = _kinds(nodes, nodes[used >= 0])
+        return cls(times, seen, used, slots, fired, shown, *kinds)
 
 
 def _kinds(nodes: Floats, updated: Floats) -> tuple[Any, Floats]:
@@ -228,32 +221,30 @@ def _kinds(nodes: Floats, updated: Floats) -> tuple[Any, Floats]:
     return 3 * which.ravel(), since.ravel()
 
 
+def merged(base: Floats, times: Floats) -> Floats:
+    """Return the times of a base and those between its ends, sorted; of equal times the last."""
+    start, end = base[0], base[-1]
+    found = np.unique(np.concatenate([base, times]))
+    found = found[(found > start + SAME) & (found < end - SAME)]
+    return np.concatenate([[start], found[np.diff(found, append=np.inf) > SAME], [end]])
+
+
+def nearest(nodes: Floats, times: Floats) -> Any:
+    """Return the indices of the nodes nearest to given times."""
+    return np.searchsorted(0.5 * (nodes[1:] + nodes[:-1]), times)
+
+
 def _numbered(nodes: Floats, times: Floats) -> Any:
-    """Return the indices, along the last axis, of times at the nodes (K + 1,); -1 at the others."""
-    out = np.full(len(nodes), -1)
-    if times.size:
-        out[np.searchsorted(nodes, times)] = np.arange(times.shape[-1])
+    """Return the indices at the nodes (K + 1,) of times, sorted and each counted once; -1 at other nodes."""
+    within = (times > nodes[0] - SAME) & (times < nodes[-1] + SAME)
+    rows, out = np.unique(nearest(nodes, times[within])), np.full(len(nodes), -1)
+    out[rows] = np.arange(len(rows))
     return out
 
 
 def intervals_in(duration: float, every: float) -> int:
     """Return the number of equal intervals between measurements, none longer than `every` [s]."""
     return int(np.ceil(duration / every - SAME))
-
-
-def snapped(times: Floats, base: Floats) -> Floats:
-    """Return times, replaced by a time of a base where they differ from it by rounding."""
-    if not len(base):
-        return times
-    near = base[np.minimum(np.searchsorted(base, times - SAME), len(base) - 1)]
-    return np.where(np.abs(times - near) <= SAME, near, times)
-
-
-def joined(times: Floats, base: Floats) -> Floats:
-    """Return times before the end of a base, each once, equal to the base where they differ by rounding."""
-    times = np.unique(snapped(times, base))
-    apart = np.diff(times, prepend=-np.inf) > SAME
-    return np.asarray(times[apart & (times < base[-1] - SAME)])
 
 
 def thrust_jumps(path: Path) -> Floats:
@@ -504,7 +495,7 @@ class Commands:
             edges = np.concatenate([edges, thrusters.stages.starts[1:]])
         grid = TimeGrid.of(span or whole, law, when, edges, outputs, longest)
         fired = np.zeros((len(path), int(grid.impulses.max()) + 1, 3))
-        slots = np.searchsorted(grid.impulse_times, when)
+        slots = nearest(grid.impulse_times, when)
         np.add.at(fired, (craft, slots), planned if impulses is None else impulses)  # several at one instant
         frame = None if known is None else ChiefFrame.of(known, grid.times)
         target = path if reference is None else reference

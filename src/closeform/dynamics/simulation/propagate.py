@@ -32,16 +32,17 @@ NO_EVENTS = ErrorEvents(NONE_OF_EACH, NONE, NONE, (0, 0, 0))
 class Trajectories:
     """S simulations of N spacecraft at T output times.
 
-    `states` (S, N, T, 6) are those after impulses, and `arrivals` before. `fired` (S, N, Q, 3) [m/s] are the
-    impulses, or the delta-v of thruster orders, at Q `fired_times`. `spent` (S, N) [m/s] is the delta-v,
-    `nominal` (N,) that of the plan without errors, and `limited` (S, N) [s] the time at the thrust limit.
+    `states` (S, N, T, 6) are those after impulses, and `arrivals` before. `orders` (S, N, Q, 3) [m/s] are the
+    delta-v of feedback orders to thrusters at Q times `ordered`, 0 without thrusters. `spent` (S, N) [m/s] is
+    the delta-v, `nominal` (N,) that of the plan without errors, and `limited` (S, N) [s] the time at the
+    thrust limit.
     """
 
     times: Floats
     states: Floats
     arrivals: Floats
-    fired_times: Floats
-    fired: Floats
+    ordered: Floats
+    orders: Floats
     spent: Floats
     nominal: Floats
     limited: Floats
@@ -51,7 +52,7 @@ class Trajectories:
         """Return the trajectories of seeds (axis 0) or of spacecraft (axis 1) as one, in an `order`."""
         if len(parts) == 1:
             return parts[0]
-        names, where = ("states", "arrivals", "fired", "spent", "limited"), (slice(None),) * axis + (order,)
+        names, where = ("states", "arrivals", "orders", "spent", "limited"), (slice(None),) * axis + (order,)
         each = {name: np.concatenate([getattr(one, name) for one in parts], axis)[where] for name in names}
         nominal = np.concatenate([one.nominal for one in parts])[order] if axis else parts[0].nominal
         return replace(parts[0], nominal=nominal, **each)
@@ -100,13 +101,11 @@ def propagate(
     if (kicks := free[grid.impulses >= 0]).any():
         arrivals = states.copy()
         arrivals[:, :, grid.outputs[(grid.impulses >= 0) & free], 3:] -= fired[:, :, kicks]
-    fired_times = grid.impulse_times
-    if commands.thrusters is not None:  # only orders are reported
-        fired[:, :, kicks] = 0.0
-        orders = grid.feedback_impulses[grid.impulses >= 0] >= 0
-        fired, fired_times = fired[:, :, orders], fired_times[orders]
+        fired[:, :, kicks] = 0.0  # only orders are reported
+    at = grid.feedback_impulses[grid.impulses >= 0] >= 0
+    ordered, orders = grid.impulse_times[at], fired[:, :, at]
     delta_v, limited = spent[..., 0], spent[..., 1]
-    return Trajectories(grid.output_times, states, arrivals, fired_times, fired, delta_v, nominal, limited)
+    return Trajectories(grid.output_times, states, arrivals, ordered, orders, delta_v, nominal, limited)
 
 
 def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:

@@ -199,8 +199,8 @@ def simulate(
         refused=refused,
         firing=first.firing,
         pulses=tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
-        ordered=done.fired_times if orders else np.zeros(0),
-        orders=done.fired if orders else np.zeros((flights, count, 0, 3)),
+        ordered=done.ordered if orders else np.zeros(0),
+        orders=done.orders if orders else np.zeros((flights, count, 0, 3)),
     )
 
 
@@ -315,8 +315,8 @@ def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
         times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
         states=states,
         arrivals=states,
-        fired_times=np.concatenate([one.fired_times for one in parts]),
-        fired=np.concatenate([one.fired for one in parts], axis=2),
+        ordered=np.concatenate([one.ordered for one in parts]),
+        orders=np.concatenate([one.orders for one in parts], axis=2),
         spent=np.sum([one.spent for one in parts], axis=0),
         limited=np.sum([one.limited for one in parts], axis=0),
     )

@@ -25,7 +25,7 @@ from closeform.dynamics.simulation.commands import (
     TimeGrid,
     fires,
     impulse_until,
-    joined,
+    merged,
     stages_at,
     thrust_jumps,
 )
@@ -154,7 +154,7 @@ def _compensated(
     """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.union1d(even, joined(np.concatenate([thrust_jumps(paths), bounds]), even))
+    edges = merged(even, np.concatenate([thrust_jumps(paths), bounds]))
     lengths = np.diff(edges)
     times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
