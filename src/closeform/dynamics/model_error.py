@@ -35,12 +35,16 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
     return d
 
 
+def path_residuals(field: Field, paths: Path, times: Floats) -> Floats:
+    """Return the model error (N, T, 3) [m/s^2] along planned paths (N,), in the chief's axes."""
+    return residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+
+
 def greatest_residual(field: Field, paths: Path) -> Floats:
     """Return the largest model error of Hill's equations along each of the paths (N,) [m/s^2]."""
     start, end, orbit = float(paths.start[0]), float(paths.end[0]), paths.orbit
     times = np.linspace(start, end, max(FEWEST, int(np.ceil(FINE * (end - start) / orbit.period))) + 1)
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), orbit.mean_motion)
-    return np.asarray(np.linalg.norm(left_out, axis=2).max(axis=1))
+    return np.asarray(np.linalg.norm(path_residuals(field, paths, times), axis=2).max(axis=1))
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:

@@ -16,9 +16,8 @@ from closeform.arrays import Floats, instance, number, of_each
 from closeform.dynamics.control.closed_loop import KINDS, ClosedLoop, process_noise_covariances
 from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import deviations_of, residuals
+from closeform.dynamics.model_error import deviations_of, path_residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.commands import SAME, ThrusterStages, ThrustSpans, burn_edges, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
@@ -318,7 +317,7 @@ class TrackedPlan:
         """
         times, every, steps = instants(paths, law)
         loop = ClosedLoop.of(paths.orbit, law, every, steps, bool(thrusters))
-        left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+        left_out = path_residuals(field, paths, times)
         guidance = Guidance.of(paths, field, law, thrusters, cancel)
         spans = ThrustSpans.of(paths, law)
         moved, compensated = spans.impulsive_at(times), cancel & spans.compensated(times)

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import residuals
+from closeform.dynamics.model_error import path_residuals
 from closeform.dynamics.planned_paths import extended_paths, until_lost
 from closeform.dynamics.simulation.commands import (
     BESIDE,
@@ -157,7 +156,7 @@ def _compensated(
     edges = merged(even, np.concatenate([thrust_jumps(paths), bounds]))
     lengths = np.diff(edges)
     times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
+    left_out = path_residuals(field, paths, times)
     for k, own in enumerate(thrusters):
         if own is not None:
             left_out[k] = np.einsum("tij,tj->ti", controllable_in_stages(own, times, n), left_out[k])
