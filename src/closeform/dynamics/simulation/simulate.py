@@ -166,18 +166,17 @@ def simulate(
         _check_replanning(zones, asked_law, fires, cancel, lost_at)
     elif pulsed and not (cancel and least == 0.0):
         raise ValueError("thrusters: cannot be combined with minimum_bit or cancel=False; remove these")
-    law, planner = None if control == "open" else asked_law, None
+    law = None if control == "open" else asked_law
     if pulsed and law is not None:
         law = pulse_feedback(law, own_sets)
     if control == "replan" and zones is not None and law is not None:
-        planner = Replanner.of(paths, believed, own_sets, zones, law, engines, sampler)
-        law, first, instants = planner.law, planner.first, planner.instants
+        loop = ControlLoop.replanning(paths, believed, own_sets, zones, law, field, engines, sampler)
     else:
-        first = Guidance.of(paths, believed, law, own_sets, cancel)
-        instants = np.array(first.span)
-    runs = ControlLoop(law, field, engines, instants, planner).runs(first, sampler)
+        guidance = Guidance.of(paths, believed, law, own_sets, cancel)
+        loop = ControlLoop(guidance, law, field, engines, np.array(guidance.span))
+    first, runs = loop.first, loop.runs(sampler)
     done = Trajectories.joined([run.done for run in runs], 0)
-    nominal = done.nominal if planner is None else first.simulate(None, field, engines).nominal
+    nominal = first.simulate(None, field, engines).nominal if loop.replans else done.nominal
     planned = planned_delta_v(paths, own_sets, lost_at)
     each = zip(done.states, done.arrivals, strict=True)
     ratios = [clearance_ratios(*one, done.times, zones) for one in each]
@@ -194,8 +193,8 @@ def simulate(
         limited=done.limited / (done.times[-1] - done.times[0]),
         pairs=ratios[0][0],
         ratios=np.array([ratio for _, ratio in ratios]),
-        planned=paths if planner is not None else until_lost(first.paths, lost_at),
-        replans=np.array([run.replans for run in runs] if planner is not None else [0] * flights),
+        planned=paths if loop.replans else until_lost(first.paths, lost_at),
+        replans=np.array([run.replans for run in runs] if loop.replans else [0] * flights),
         refused=refused,
         firing=first.firing,
         pulses=tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
@@ -255,100 +254,35 @@ class Run(NamedTuple):
     refused: list[tuple[float, str]]
 
 
-class ControlLoop(NamedTuple):
-    """Loop in a field with a feedback `law`, or None for open-loop control, and a planner, if any.
+@dataclass(frozen=True, eq=False)
+class ControlLoop:
+    """Loop in a field from the `first` guidance, with a feedback `law`, or None for open-loop control.
 
-    A leg is from each of the `instants` (L + 1,) [s] to the next; between legs the planner makes a new plan.
+    A leg is from each of the `instants` (L + 1,) [s] to the next. If there are `zones`, each leg begins with
+    a measurement, and with a new plan that keeps a `margin` [m] around them; feedback keeps spacecraft on it.
     """
 
+    first: Guidance
     law: Feedback | None
     field: Field
     engines: Engines
     instants: Floats
-    planner: Replanner | None
-
-    def runs(self, first: Guidance, sampler: ErrorSampler) -> list[Run]:
-        """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
-        over = float(self.instants[-1] - self.instants[0])
-        looks = 0 if self.law is None else intervals_in(over, self.law.every)
-        seen, thrust = sampler.measured(looks + 1, over / max(looks, 1))
-        if self.planner is None:
-            return [self.run(first, sampler, seen, thrust)]
-        return [
-            self.run(first, replace(sampler, seeds=[seed]), one[None], off[None])
-            for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
-        ]
-
-    def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
-        """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
-
-        Each leg has its own burns.
-        """
-        parts, pulses, refused, replans = list[Trajectories](), list[Pulses](), list[tuple[float, str]](), 0
-        planner, measured = self.planner, seen
-        now: Any = None if planner is None else guidance.paths.state(self.instants[0])
-        for leg, span in enumerate(pairwise(self.instants.tolist())):
-            if planner is not None:
-                measured = seen[:, :, leg : leg + 1]
-                if leg > 0 and self.instants[-1] - span[0] >= planner.law.horizon:
-                    anew, why = planner.replan(now + measured[0, :, 0], span[0])
-                    refused += [(span[0], one) for one in why]
-                    if anew is not None:
-                        guidance, replans = anew, replans + 1
-            errors, of_leg = (sampler, (measured, thrust)), None if planner is None else span
-            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors, of_leg, now, leg))
-            pulses += guidance.pulses(span)
-            now = parts[-1].states[0, :, -1].copy()
-        fired = one_table(pulses) if pulses else None
-        if fired is not None:
-            fired = fired[np.lexsort((fired.start, fired.craft))]
-        return Run(_of_all_legs(parts), fired, replans, refused)
-
-
-def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
-    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
-    if len(parts) == 1:
-        return parts[0]
-    states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
-    return replace(
-        parts[0],
-        times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
-        states=states,
-        arrivals=states,
-        ordered=np.concatenate([one.ordered for one in parts]),
-        orders=np.concatenate([one.orders for one in parts], axis=2),
-        spent=np.sum([one.spent for one in parts], axis=0),
-        limited=np.sum([one.limited for one in parts], axis=0),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Replanner:
-    """Planner of S simulations, which makes new plans with a `margin` [m] around the zones.
-
-    `first` is the guidance of the plan. A feedback `law` keeps spacecraft on the last plan, and `instants`
-    (M + 1,) [s] are the times of measurements, and the end.
-    """
-
-    first: Guidance
-    zones: Zone | PairZones
-    margin: float
-    law: Feedback
-    engines: Engines
-    instants: Floats
+    zones: Zone | PairZones | None = None
+    margin: float = 0.0
 
     @classmethod
-    def of(
+    def replanning(
         cls,
         paths: Path,
         believed: Field,
         thrusters: Sequence[ThrusterStages | None],
         zones: Zone | PairZones,
         law: Feedback,
+        field: Field,
         engines: Engines,
         sampler: ErrorSampler,
     ) -> Self:
-        """Return the planner with the margin for the errors."""
+        """Return the loop with new plans, and with the margin for the errors."""
         start, end = float(paths.start[0]), float(paths.end[0])
         instants = np.linspace(start, end, intervals_in(end - start, law.every) + 1)
         in_step = divide_interval(thrusters, float(instants[1] - instants[0]))
@@ -362,7 +296,49 @@ class Replanner:
         if first.firing is not None:
             margin += float(np.sort(first.deviation)[-2:].sum())
         law = replace(law, every=float(instants[1] - instants[0]))
-        return cls(first, zones, margin, law, engines, instants)
+        return cls(first, law, field, engines, instants, zones, margin)
+
+    @property
+    def replans(self) -> bool:
+        """True if new plans are made."""
+        return self.zones is not None
+
+    def runs(self, sampler: ErrorSampler) -> list[Run]:
+        """Return the simulations of all seeds in one run, or with new plans in a run of each seed."""
+        over = float(self.instants[-1] - self.instants[0])
+        looks = 0 if self.law is None else intervals_in(over, self.law.every)
+        seen, thrust = sampler.measured(looks + 1, over / max(looks, 1))
+        if not self.replans:
+            return [self.run(sampler, seen, thrust)]
+        return [
+            self.run(replace(sampler, seeds=[seed]), one[None], off[None])
+            for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
+        ]
+
+    def run(self, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
+        """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+
+        Each leg has its own burns.
+        """
+        parts, pulses, refused, replans = list[Trajectories](), list[Pulses](), list[tuple[float, str]](), 0
+        guidance, measured = self.first, seen
+        now: Any = guidance.paths.state(self.instants[0]) if self.replans else None
+        for leg, span in enumerate(pairwise(self.instants.tolist())):
+            if self.replans and self.law is not None:
+                measured = seen[:, :, leg : leg + 1]
+                if leg > 0 and self.instants[-1] - span[0] >= self.law.horizon:
+                    anew, why = self.replan(now + measured[0, :, 0], span[0])
+                    refused += [(span[0], one) for one in why]
+                    if anew is not None:
+                        guidance, replans = anew, replans + 1
+            errors, of_leg = (sampler, (measured, thrust)), span if self.replans else None
+            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors, of_leg, now, leg))
+            pulses += guidance.pulses(span)
+            now = parts[-1].states[0, :, -1].copy()
+        fired = one_table(pulses) if pulses else None
+        if fired is not None:
+            fired = fired[np.lexsort((fired.start, fired.craft))]
+        return Run(_of_all_legs(parts), fired, replans, refused)
 
     def replan(self, states: Floats, begin: float) -> tuple[Guidance | None, list[str]]:
         """Return the guidance of a plan from measured states (N, 6), and why plans were refused."""
@@ -374,6 +350,7 @@ class Replanner:
         coasting = orbit.coast(states[rest], end - begin, begin)
         order = np.concatenate([moving, rest])
         zones = self.zones
+        assert zones is not None
         if isinstance(zones, PairZones) and len(rest):
             zones = _reordered(zones, order, len(moving))
         for share in PADDED:
@@ -398,6 +375,23 @@ class Replanner:
             except Infeasible as error:
                 why.append(f"{share:g} of the margin: {error}")
         return None, why
+
+
+def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
+    if len(parts) == 1:
+        return parts[0]
+    states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
+    return replace(
+        parts[0],
+        times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
+        states=states,
+        arrivals=states,
+        ordered=np.concatenate([one.ordered for one in parts]),
+        orders=np.concatenate([one.orders for one in parts], axis=2),
+        spent=np.sum([one.spent for one in parts], axis=0),
+        limited=np.sum([one.limited for one in parts], axis=0),
+    )
 
 
 def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
