@@ -22,9 +22,10 @@ mpl.use("agg")
 
 
 def parameter(name, argument):
-    """Return the parameter of a call's function; `**execution` are those of `Uncertainty`."""
+    """Return the parameter of a call's function, or of the function to which it passes keywords."""
     taken = inspect.signature(CALLABLES[name.partition(",")[0]]).parameters
-    return taken[argument] if argument in taken else inspect.signature(cf.Uncertainty).parameters[argument]
+    passed_on = cf.tracking_margins if "tracking" in taken else cf.Uncertainty
+    return taken[argument] if argument in taken else inspect.signature(passed_on).parameters[argument]
 
 
 def call(name, /, **changed):
@@ -204,7 +205,7 @@ def test_all_public_functions_are_called():
 def test_all_arguments_are_given():
     given = {}
     for name, arguments in CALLS.items():
-        given.setdefault(name.partition(",")[0], {"cls", "self", "execution"}).update(arguments)
+        given.setdefault(name.partition(",")[0], {"cls", "self", "execution", "tracking"}).update(arguments)
     for name in given.keys() - {name for name in given if name.startswith("plots.")}:
         assert inspect.signature(CALLABLES[name]).parameters.keys() - given[name] == set(), name
 

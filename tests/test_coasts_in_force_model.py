@@ -149,6 +149,8 @@ def test_acceleration_function_as_a_field():
     start = [0.0, 100.0, 50.0, 0.1, 0.0, 0.0]
     one, other = (field.coast(start, 2000.0, 500.0) for field in (own, cf.Field(chief())))
     assert one.position(2500.0) == pytest.approx(other.position(2500.0), abs=1e-4)
+    lengths = [0.0, 900.0, 900.0, -300.0]
+    assert own.transition(lengths) == pytest.approx(cf.Field(chief()).transition(lengths), rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("keeping_step", [False, True])

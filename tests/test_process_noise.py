@@ -10,6 +10,7 @@ import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of, evaluated
 from closeform.dynamics.simulation.random_errors import NOISE_STEP, process_noise
+from closeform.dynamics.simulation.simulate import replanning_margin
 from closeform.mission.executed_mission import ProcessNoise
 from closeform.mission.mission import plan_mission
 from closeform.scenario import parse
@@ -345,3 +346,10 @@ def test_noise_does_not_depend_on_replanning():
     assert legs.replans[0] == 0
     assert np.abs(led - still).max() > 1.0  # m
     assert anew == pytest.approx(led, abs=1e-3)
+
+
+def test_replanning_margin_covers_the_noise_of_an_interval():
+    """It is four standard deviations of the distance of the two spacecraft with most noise."""
+    found = replanning_margin(cf.Navigation(), 300.0, np.zeros(3), np.array([4e-8, 0.0, 1e-7]))
+    largest = np.linalg.eigvalsh(noise_of(1.4e-7, N, 300.0)[:3, :3])[-1]
+    assert found == pytest.approx(4.0 * np.sqrt(largest), rel=0.03)

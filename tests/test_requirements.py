@@ -361,6 +361,16 @@ def test_certificate_finds_what_samples_miss():
     assert cf.requirements.KeepIn(zone=cf.Sphere(10.0 + 2e-8), centre=[0, 0, 1e-8], start=1.0).holds(arc)
 
 
+def test_worst_margin_lies_between_samples():
+    """The least of many samples agrees, also far above the surface."""
+    states = np.random.default_rng(1).normal(size=(10, 6)) * np.repeat([100.0, 0.1], 3)
+    speed = cf.requirements.SpeedLimit(limit=5.0, rate=1e-3, axis=[0.3, -1.0, 0.2])
+    for drift in ORBIT.coast(states, 0.7 * ORBIT.period):
+        for wide in (speed, cf.requirements.KeepIn(zone=cf.Ellipsoid([4000.0, 8000.0, 4000.0]))):
+            least = wide.margin(drift.state(np.linspace(0.0, drift.end, 50_001))).min()
+            assert wide.worst_margin(drift) == pytest.approx(least, rel=1e-6)
+
+
 def test_end_outside_is_refused_with_its_reason():
     narrow = cf.requirements.ApproachCone(axis=[0, 1, 0], half_angle=0.1, radius=0.5)
     plan = planned(narrow)

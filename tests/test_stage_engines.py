@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import closeform as cf
 from bridge import hill
 from closeform.cli.app import main
 from closeform.mission.mission import plan_mission
@@ -210,6 +211,23 @@ def test_simulations_change_from_free_thrust_to_thrusters():
     assert (run.flights.flight.pulses[0].start > run.executed[1].start).all()
     assert run.flights.flight.greatest_end < 2.0  # m
     assert run.flights.flight.delta_v[0] == pytest.approx(run.delta_v.sum(axis=0), rel=0.1)
+
+
+def test_simulations_use_the_thrust_limit_of_each_stage():
+    """Feedback adds more than a tenth to the thrust of the plan."""
+    again = swap()[swap().index("[[stage]]") :].replace('"swap"', '"back"')
+    text = swap(craft='mass = "12 kg"', more=f'max_thrust = "1.5 mN"\n\n{again}max_thrust = "2.3 mN"\n')
+    run = plan_mission(parse(text.replace("[craft]", '[navigation]\nposition_bias = "5 m"\n\n[craft]', 1)))
+    change, field = run.executed[1].start, run.scenario.field
+    limits = {0.0: 1.5e-3 / 12.0, change: 2.3e-3 / 12.0}
+    options = {name: value for name, value in run.scenario.flight.items() if name != "max_acceleration"}
+    by_hand = cf.simulate(run.paths, field, "track", max_acceleration=limits, seeds=2, **options)
+    found = SimulatedRun.of(run, "track", run.scenario.flight, 2).flight
+    assert found.states == pytest.approx(by_hand.states, abs=1e-6)
+    assert found.limited.min() > 0.0
+    for limit in limits.values():
+        other = cf.simulate(run.paths, field, "track", max_acceleration=limit, seeds=2, **options)
+        assert np.abs(other.states - found.states)[..., :3].max() > 0.1  # m
 
 
 def test_sweep_of_a_stage_key(tmp_path, capsys):

@@ -454,8 +454,11 @@ def test_fit_fails_without_thrust_for_feedback():
     assert not found.fits
     assert "with feedback, its limit is" in found.reason
     assert "plan with at most" in found.reason
-    enough = cf.fit_margin(planned, FIELD, zone, navigation=SIGHT, max_acceleration=1.01 * limit / 0.99)
-    assert enough.fits
+    hasty = ORBIT.transfer(start + [0, 20.0, 0, 0, 0, 0], start, 300.0, start=-300.0)
+    assert hasty.peak_thrust.min() > 2.0 * limit
+    for before in (None, hasty):  # whose thrust was given
+        ways = {"navigation": SIGHT, "max_acceleration": 1.1 * limit, "before": before}
+        assert cf.fit_margin(planned, FIELD, zone, **ways).fits
 
 
 def test_fit_fails_if_the_ends_are_too_close():

@@ -56,7 +56,7 @@ _NAMES = {
     "dynamics.margins.fit_margin": "fit_margin",
     "dynamics.margins.tracking_margins": "TrackingMargins tracking_margins",
     "dynamics.control.tracking_tube": "Tube tube",
-    "dynamics.model_error": "Validity validity",
+    "dynamics.simulation.validity": "Validity validity",
     "results.load": "load",
     "exchange.ephemerides.ephemeris": "Ephemeris",
     "exchange.ccsds.oem": "read_oem read_oem_segments write_oem",

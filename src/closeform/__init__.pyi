@@ -39,7 +39,7 @@ from closeform.dynamics.margins.tracking_margins import (
     tracking_margins as tracking_margins,
 )
 from closeform.dynamics.control.tracking_tube import Tube as Tube, tube as tube
-from closeform.dynamics.model_error import Validity as Validity, validity as validity
+from closeform.dynamics.simulation.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
 from closeform.exchange.ccsds.conjunction import (
     Conjunction as Conjunction,

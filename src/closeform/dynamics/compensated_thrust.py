@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
 from closeform.dynamics.force_model.field import Field, described
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
-from closeform.dynamics.model_error import residuals
+from closeform.dynamics.model_error import path_residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.commands import ThrusterStages
 from closeform.dynamics.simulation.guidance import Guidance
@@ -173,7 +172,7 @@ def compensated_thrust(
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+    left_out = path_residuals(field, paths, times)
     own = list[ThrusterStages | None]()
     if thrusters is not None:
         own = ThrusterStages.of_each(each_set(thrusters, len(paths), Thrusters), paths)

@@ -239,7 +239,7 @@ def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[A
     """Return the stage with the validity of its plan in the scenario's high-fidelity model, if any."""
     if scenario.field is None or not result.executed:
         return result
-    from closeform.dynamics.model_error import validity
+    from closeform.dynamics.simulation.validity import validity
 
     zones = scenario.zones if result.after.pairs <= ALL_PAIRS else None
     return replace(result, validity=validity(result.after.paths, scenario.field, zones))

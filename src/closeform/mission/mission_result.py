@@ -34,7 +34,7 @@ from closeform.search.schedule import Search
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.dynamics.model_error import Validity
+    from closeform.dynamics.simulation.validity import Validity
     from closeform.mission.passive_safety import PairDrift, PassiveSafety
     from closeform.mission.simulation import SimulatedRun
     from closeform.mission.stage_start import Arrival

@@ -104,7 +104,7 @@ class SimulatedRun:
         if run.lost:
             times = {one.craft: one.time for one in run.lost}
             arguments["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
-        arguments["max_acceleration"] = None if fires_impulses(plan) else free_limits(run)
+        arguments["max_acceleration"] = free_limits(run)
         if pulsed:
             own = thrusters_by_stage(run.scenario, [(one.start, one.stage) for one in run.executed])
             arguments["thrusters"] = own
@@ -321,16 +321,21 @@ def fires_pulses(run: Stages) -> bool:
     return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
 
 
-def free_limits(run: Stages) -> Floats | None:
-    """Return the largest limit (N,) [m/s^2] of each craft's thrust without thrusters; None without limits."""
-    scenario, most = run.scenario.truth, np.zeros(len(run.scenario.names))
-    for stage in (one.stage for one in run.executed):
-        moving = np.isin(scenario.names, stage.moving(scenario.names))
-        crew = scenario.craft_in(stage)
-        own = [0.0 if craft.fired(1.0) is not None else craft.max_acceleration for craft in crew]
-        most = np.maximum(most, np.where(moving, own, 0.0))
-    most = np.where(most > 0.0, most, [craft.max_acceleration for craft in scenario.craft])
-    return most if np.isfinite(most).any() else None
+def free_limits(run: Stages) -> dict[float, Floats] | None:
+    """Return the limits (N,) [m/s^2] of each craft's thrust without thrusters, by start time of stages.
+
+    A craft that a stage does not move keeps the limit of the stage before.  None without limits.
+    """
+    scenario, found = run.scenario.truth, dict[float, Floats]()
+    limits = np.array([craft.max_acceleration for craft in scenario.craft])
+    for one in run.executed:
+        moving = one.stage.moving(scenario.names)
+        for k, craft in enumerate(scenario.craft_in(one.stage)):
+            if craft.name in moving:
+                free = craft.fired(1.0) is None and not fires_impulses(one.planned.paths[[k]])
+                limits[k] = craft.max_acceleration if free else np.inf
+        found[one.start] = limits.copy()
+    return found if np.isfinite(list(found.values())).any() else None
 
 
 def usually_led(run: Stages, control: Control) -> Feedback:

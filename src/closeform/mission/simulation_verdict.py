@@ -27,7 +27,7 @@ from closeform.mission.verdict import (
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
-    from closeform.dynamics.model_error import Validity
+    from closeform.dynamics.simulation.validity import Validity
     from closeform.mission.mission_result import Mission, StageResult
     from closeform.mission.simulation import SimulatedRun
     from closeform.motion.orbit import Orbit

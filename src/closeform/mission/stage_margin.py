@@ -24,8 +24,8 @@ def with_margin(
 
     `craft` lists the craft by index: first those that are planned, then those whose paths are `others`.  For
     the margin "auto", the plan is iterated until it keeps the margin that its tracking error in the
-    high-fidelity model requires.  If the iteration fails, or tracking exceeds a limit, the plan has the
-    status NO_MARGIN and a reason.
+    high-fidelity model requires.  If the iteration fails, the plan has the status NO_MARGIN and a reason.
+    Margins assume that feedback may exceed the thrust limit of the stage; a simulation applies it.
     """
     if stage.margin != "auto" or start.planner is not None:
         return make(0.0 if stage.margin == "auto" else stage.margin or 0.0)

@@ -328,14 +328,10 @@ class Field:
         given, begin = checked("states", states, last=6), float(checked("start", number("start", start)))
         rows = np.ascontiguousarray(given.reshape(-1, 6))
         ballistics = self._ballistics(len(rows))
-        chief, acceleration = self._chief_at(np.array([begin]))
-        craft = inertial_from_relative(chief, rows, acceleration=acceleration)
 
         def states_at(times: Floats) -> Floats:
-            chief, acceleration = self._chief_at(times)
-            states = self._propagate(craft, ballistics, begin, times)
-            relative = relative_from_inertial(chief, states, acceleration=acceleration)
-            return relative.reshape((*given.shape[:-1], len(times), 6))
+            states = self._drift_from(rows, ballistics, np.append(begin, times))[:, 1:]
+            return states.reshape((*given.shape[:-1], len(times), 6))
 
         return followed(orbit or self.chief.orbit, states_at, duration, begin, within)
 
@@ -371,13 +367,10 @@ class Field:
         """
         lengths = np.asarray(checked("duration", duration))
         begin = float(checked("start", number("start", start)))
-        times = begin + lengths.ravel()
-        chief, acceleration = self._chief_at(np.array([begin]))
         beside = np.concatenate([np.diag(BESIDE), -np.diag(BESIDE)])
-        craft = inertial_from_relative(chief, beside, acceleration=acceleration)
-        chiefs, acceleration = self._chief_at(times)
-        states = self._propagate(craft, self._chief_ballistic, begin, times)
-        ahead, behind = relative_from_inertial(chiefs, states, acceleration=acceleration).reshape(2, 6, -1, 6)
+        times = np.append(begin, begin + lengths.ravel())
+        states = self._drift_from(beside, self._chief_ballistic, times)[:, 1:]
+        ahead, behind = states.reshape(2, 6, -1, 6)
         columns = (ahead - behind) / (2.0 * BESIDE[:, None, None])
         return np.ascontiguousarray(np.moveaxis(columns, 0, -1)).reshape((*lengths.shape, 6, 6))
 
@@ -386,14 +379,22 @@ class Field:
         begin, over = float(paths.start[0]), float(paths.end[0])
         return self.coast(paths.state(begin), over - begin, begin, orbit=paths.orbit)
 
-    def _drift_from(self, state: Floats, times: Floats, chief: Floats, acceleration: Floats) -> Floats:
-        """Return the states (T, 6) of one spacecraft from a state (6,) on.
+    def _drift_from(
+        self,
+        states: Floats,
+        ballistics: ArrayLike,
+        times: Floats,
+        chiefs: tuple[Floats, Floats] | None = None,
+    ) -> Floats:
+        """Return the states (M, T, 6) of spacecraft that are in states (M, 6) at the first of times (T,).
 
-        `chief` (T, 6) and `acceleration` (T, 3): inertial states and accelerations of the chief.
+        All are in the chief's Hill frame. `chiefs`: its inertial states (T, 6) and accelerations (T, 3), if
+        they are known.
         """
-        craft = inertial_from_relative(chief[0], state, acceleration=acceleration[0])
-        states = self._propagate(craft[None], self._ballistics(1), float(times[0]), times)[0]
-        return np.asarray(relative_from_inertial(chief, states, acceleration=acceleration))
+        chief, acceleration = chiefs or self._chief_at(times)
+        craft = inertial_from_relative(chief[0], states, acceleration=acceleration[0])
+        moved = self._propagate(craft, ballistics, float(times[0]), times)
+        return np.asarray(relative_from_inertial(chief, moved, acceleration=acceleration))
 
     def _chief_at(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the chief's inertial states (T, 6) at times, and its acceleration (T, 3) [m/s^2]."""
@@ -424,8 +425,10 @@ class Field:
         def rates(t: float, s: Floats) -> Floats:
             return np.concatenate([s[3:], self.accelerations(np.array(begin + t), s)])
 
-        span, size = (0.0, float(since[-1])), np.abs(start).max()
-        return np.asarray(solve_ivp(rates, span, start, "DOP853", since, rtol=TIGHT, atol=TIGHT * size).y.T)
+        span, (apart, which) = (0.0, float(since[-1])), np.unique(np.abs(since), return_inverse=True)
+        apart, atol = np.copysign(apart, span[1]), TIGHT * np.abs(start).max()
+        found = solve_ivp(rates, span, start, "DOP853", apart, rtol=TIGHT, atol=atol)
+        return np.asarray(found.y.T[which])
 
 
 def described(field: Field) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -17,7 +17,6 @@ from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.tracking_margins import TrackingMargins, required_margins, tracking_margins
 from closeform.dynamics.planned_paths import appended_paths, checked_paths, extended_paths
 from closeform.dynamics.simulation.commands import SAME
-from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, path_of
@@ -76,15 +75,8 @@ def fit_margin(
     obstacles: Path | Any = (),
     held: bool = False,
     before: Path | None = None,
-    cancel: bool = True,
-    residual: ArrayLike = 0.0,
-    thrust_error: ArrayLike = (0.0, 0.0),
-    errors: Any = None,
-    minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
-    sigmas: float = 4.0,
     max_acceleration: ArrayLike | None = None,
-    engine: ArrayLike = True,
+    **tracking: Any,
 ) -> FittedMargin:
     """Plan with the keep-out margin that the plan's own tracking error requires, by iteration.
 
@@ -109,24 +101,11 @@ def fit_margin(
     before : Path, optional
         Preceding paths (B,) of the spacecraft and of those that are `held`, under the same feedback. The plan
         begins with the resulting deviations. Default: it begins as `simulate` does.
-    cancel : bool, default True
-        As in `tracking_margins`.
-    residual : array_like of shape (N,) or () [m/s^2], default 0
-        As in `tracking_margins`.
-    thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        As in `tracking_margins`.
-    errors : Uncertainty or sequence of Uncertainty or None, optional
-        As in `tracking_margins`.
-    minimum_bit : float [m/s], default 0
-        As in `tracking_margins`.
-    thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
-        As in `tracking_margins`.
-    sigmas : float, no unit, default 4
-        As in `tracking_margins`.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
         Thrust limit of each spacecraft, for plan, compensation and feedback together.
-    engine : array_like of bool of shape (N,) or (), default True
-        As in `tracking_margins`; an obstacle without one is `held`, and coasts in the field.
+    tracking : keyword arguments
+        Further arguments of `tracking_margins`. An obstacle without an `engine` is `held`, and coasts in the
+        field.
 
     Returns
     -------
@@ -174,7 +153,8 @@ def fit_margin(
     fixed = len(others) if others is not None else 0
     sight = Navigation() if navigation is None else navigation
     first = Feedback() if feedback is None else feedback  # the default without a plan
-    least = tube(orbit, first, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
+    unknown = np.max(nonnegative("residual", tracking.get("residual", 0.0)))
+    least = tube(orbit, first, sight, unknown, sigmas=tracking.get("sigmas", 4.0))
     limit = np.inf if max_acceleration is None else nonnegative("max_acceleration", max_acceleration)
     margin: Any = np.asarray(least.radius if fixed and not held else least.of_a_pair)
     widest = _least_radius(zones)
@@ -196,17 +176,7 @@ def fit_margin(
         if held and others is not None:
             paths = stack([paths[k] for k in range(craft)] + [during(others[k], paths) for k in range(fixed)])
         try:
-            found = tracking_margins(
-                *(_after(before, paths), field, feedback, sight),
-                cancel=cancel,
-                residual=residual,
-                thrust_error=thrust_error,
-                errors=errors,
-                minimum_bit=minimum_bit,
-                thrusters=thrusters,
-                sigmas=sigmas,
-                engine=engine,
-            )
+            found = tracking_margins(_after(before, paths), field, feedback, sight, **tracking)
         except Infeasible as error:
             return FittedMargin(plan, None, margin, False, made, f"the plan is not feasible: {error}")
         if before is not None:

@@ -16,9 +16,8 @@ from closeform.arrays import Floats, instance, number, of_each
 from closeform.dynamics.control.closed_loop import KINDS, ClosedLoop, process_noise_covariances
 from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import deviations_of, residuals
+from closeform.dynamics.model_error import deviations_of, path_residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.commands import SAME, ThrusterStages, ThrustSpans, burn_edges, intervals_in
 from closeform.dynamics.simulation.guidance import Guidance
@@ -68,9 +67,8 @@ class TrackingMargins(Result):
         Standard deviation in the worst direction due to random measurement errors.
     sigmas : float, no unit
         Number of standard deviations that count.
-    thrust : array of shape (N,) [m/s^2]
-        Largest thrust required with feedback, without impulses. The margins do not hold for a craft whose
-        thrust limit is lower than that.
+    command : array of shape (N, T) [m/s^2]
+        Thrust required with feedback, without impulses.
     """
 
     _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")
@@ -84,7 +82,15 @@ class TrackingMargins(Result):
     spread: Floats
     noise: Floats
     sigmas: float
-    thrust: Floats
+    command: Floats
+
+    @property
+    def thrust(self) -> Floats:
+        """Largest thrust required at any time (N,) [m/s^2], without impulses.
+
+        The margins do not hold for a craft whose thrust limit is lower than that.
+        """
+        return np.asarray(self.command.max(axis=1))
 
     @property
     def radius(self) -> Floats:
@@ -104,12 +110,14 @@ class TrackingMargins(Result):
 
     def _since(self, begin: float) -> TrackingMargins:
         """Return the margins from a time on [s]."""
-        times = np.concatenate([[begin], self.times[self.times > begin]])
+        after = self.times > begin
+        times, command = np.concatenate([[begin], self.times[after]]), self.command[:, after]
         later: Any = {
             name: np.array([_between(self.times, one, times) for one in getattr(self, name)])
             for name in ("shift", "stretch", "turn", "spread")
         }
-        return replace(self, times=times, **later)
+        # thrust may jump at that time
+        return replace(self, times=times, command=np.hstack([command[:, :1], command]), **later)
 
 
 def tracking_margins(
@@ -252,12 +260,12 @@ def _of_tracked(
     for k, own in enumerate(errors or ()):
         spread[k], variance = tracked.covariances(k, sight, sizes[k], own)
         random[k] += variance
-    thrust = np.linalg.norm(tracked.thrust, axis=-1).max(axis=1)
+    command = np.linalg.norm(tracked.thrust, axis=-1)
     if not len(loop.impulse_times):
-        thrust = thrust + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
+        command = command + np.linalg.norm(steady, axis=-1) + (answer + many * np.sqrt(random))[:, None]
     off = shift + tracked.offset, stretch, np.stack(turned, axis=-1)
     each = sizes, rest, spread, np.full(len(sizes), noise)
-    return TrackingMargins(tracked.times, *off, *each, many, thrust)
+    return TrackingMargins(tracked.times, *off, *each, many, command)
 
 
 def _of_drifting(
@@ -267,20 +275,20 @@ def _of_drifting(
     sizes, unknown, errors = of_craft
     moved = paths.orbit.transition(times - times[0])
     rest = unknown * float(np.trapezoid(np.linalg.norm(moved[:, :3, 3:], 2, axis=(1, 2)), times))
-    spread, none = np.zeros((len(paths), len(times), 3, 3)), np.zeros(len(paths))
+    spread, none = np.zeros((len(paths), len(times), 3, 3)), np.zeros((len(paths), len(times)))
     for k, own in enumerate(errors or ()):
         spread[k] = moved[:, :3] @ own.state @ moved[:, :3].swapaxes(1, 2)
         spread[k] += own.noise * process_noise_covariances(paths.orbit, times)[:, :3, :3]
     shift = field._drift(paths).position(times) - paths.position(times)
     off = shift, np.zeros_like(shift), np.zeros_like(spread)
-    return TrackingMargins(times, *off, sizes, rest, spread, none, many, none)
+    return TrackingMargins(times, *off, sizes, rest, spread, none[:, 0], many, none)
 
 
 def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
     """Return the margins of all spacecraft from those of parts, in this order."""
     joined: Any = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
-        for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "noise", "thrust")
+        for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "noise", "command")
     }
     return replace(parts[0], **joined)
 
@@ -318,7 +326,7 @@ class TrackedPlan:
         """
         times, every, steps = instants(paths, law)
         loop = ClosedLoop.of(paths.orbit, law, every, steps, bool(thrusters))
-        left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+        left_out = path_residuals(field, paths, times)
         guidance = Guidance.of(paths, field, law, thrusters, cancel)
         spans = ThrustSpans.of(paths, law)
         moved, compensated = spans.impulsive_at(times), cancel & spans.compensated(times)

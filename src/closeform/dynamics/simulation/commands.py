@@ -187,35 +187,28 @@ class TimeGrid(NamedTuple):
         Measurements are at equal intervals of at most the law's, from the start onward.
         """
         start, end = span
-        impulses = np.unique(impulses)
-        impulses = impulses[np.diff(impulses, append=np.inf) > SAME]  # of equal times the last
         looks = 1 if law is None else intervals_in(end - start, law.every)
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / OUTPUTS))
         each = thin * int(np.ceil(each / thin))
-        base = snapped(np.linspace(start, end, looks * each + 1), impulses)
-        measured = base[:-1:each]
-        inside = np.zeros(0) if law is None else slots_before_next(law, (end - start) / looks)
-        corrected = snapped(measured[:, None] + inside, np.union1d(base, impulses))
-        firing = np.unique(np.concatenate([corrected.ravel(), impulses]))
-        edges = np.concatenate([edges, outputs])
-        edges = joined(edges[edges > start + SAME], np.union1d(base, firing))
-        outputs = joined(outputs[outputs > start + SAME], np.union1d(edges, np.union1d(base, firing)))
-        wait = 0.0 if law is None else min(law.delay, (end - start) / looks)
-        updated = joined(measured + wait, base)
-        nodes = np.unique(np.concatenate([base, firing, edges, updated]))
+        base = np.linspace(start, end, looks * each + 1)
+        measured = updated = base[:0] if law is None else base[:-1:each]
+        corrected = measured[:, None]
+        if law is not None:
+            every = (end - start) / looks
+            updated, corrected = measured + min(law.delay, every), corrected + slots_before_next(law, every)
+        firing = np.concatenate([corrected.ravel(), impulses])
+        outputs = np.concatenate([base[::thin], firing, outputs])
+        nodes = merged(base, np.concatenate([updated, edges, outputs]))
         times = np.empty(2 * len(nodes) - 1)
         times[::2], times[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:])
-        numbers = [
-            _numbered(nodes, measured if law else nodes[:0]),
-            _numbered(nodes, updated if law else nodes[:0]),
-            _numbered(nodes, corrected),
-            _numbered(nodes, firing),
-            _numbered(nodes, np.unique(np.concatenate([base[::thin], firing, outputs]))),
-        ]
-        if law is None or law.impulses or not len(updated):
-            return cls._make([times, *numbers, np.zeros(len(nodes) - 1, dtype=np.int64), np.zeros(3)])
-        return cls._make([times, *numbers, *_kinds(nodes, updated)])
+        seen, used, fired, shown = (_numbered(nodes, one) for one in (measured, updated, firing, outputs))
+        slots = np.full(len(nodes), -1)
+        slots[nearest(nodes, corrected)] = np.arange(corrected.shape[1])
+        kinds: tuple[Any, Floats] = np.zeros(len(nodes) - 1, dtype=np.int64), np.zeros(3)
+        if law is not None and not law.impulses:
+            kinds = _kinds(nodes, nodes[used >= 0])
+        return cls(times, seen, used, slots, fired, shown, *kinds)
 
 
 def _kinds(nodes: Floats, updated: Floats) -> tuple[Any, Floats]:
@@ -228,32 +221,30 @@ def _kinds(nodes: Floats, updated: Floats) -> tuple[Any, Floats]:
     return 3 * which.ravel(), since.ravel()
 
 
+def merged(base: Floats, times: Floats) -> Floats:
+    """Return the times of a base and those between its ends, sorted; of equal times the last."""
+    start, end = base[0], base[-1]
+    found = np.unique(np.concatenate([base, times]))
+    found = found[(found > start + SAME) & (found < end - SAME)]
+    return np.concatenate([[start], found[np.diff(found, append=np.inf) > SAME], [end]])
+
+
+def nearest(nodes: Floats, times: Floats) -> Any:
+    """Return the indices of the nodes nearest to given times."""
+    return np.searchsorted(0.5 * (nodes[1:] + nodes[:-1]), times)
+
+
 def _numbered(nodes: Floats, times: Floats) -> Any:
-    """Return the indices, along the last axis, of times at the nodes (K + 1,); -1 at the others."""
-    out = np.full(len(nodes), -1)
-    if times.size:
-        out[np.searchsorted(nodes, times)] = np.arange(times.shape[-1])
+    """Return the indices at the nodes (K + 1,) of times, sorted and each counted once; -1 at other nodes."""
+    within = (times > nodes[0] - SAME) & (times < nodes[-1] + SAME)
+    rows, out = np.unique(nearest(nodes, times[within])), np.full(len(nodes), -1)
+    out[rows] = np.arange(len(rows))
     return out
 
 
 def intervals_in(duration: float, every: float) -> int:
     """Return the number of equal intervals between measurements, none longer than `every` [s]."""
     return int(np.ceil(duration / every - SAME))
-
-
-def snapped(times: Floats, base: Floats) -> Floats:
-    """Return times, replaced by a time of a base where they differ from it by rounding."""
-    if not len(base):
-        return times
-    near = base[np.minimum(np.searchsorted(base, times - SAME), len(base) - 1)]
-    return np.where(np.abs(times - near) <= SAME, near, times)
-
-
-def joined(times: Floats, base: Floats) -> Floats:
-    """Return times before the end of a base, each once, equal to the base where they differ by rounding."""
-    times = np.unique(snapped(times, base))
-    apart = np.diff(times, prepend=-np.inf) > SAME
-    return np.asarray(times[apart & (times < base[-1] - SAME)])
 
 
 def thrust_jumps(path: Path) -> Floats:
@@ -282,30 +273,40 @@ def thrust_bends(path: Path) -> Floats:
     return np.concatenate(found)
 
 
+def stages_at(starts: Floats, times: ArrayLike) -> Any:
+    """Return the index of the stage (T,) that lasts from given times onward, by start times (M,)."""
+    return np.searchsorted(starts, np.asarray(times) + SAME) - 1
+
+
 class Engines(NamedTuple):
-    """Engines of N spacecraft: largest thrust, time at which they fail, and minimum impulse bit of all.
+    """Engines of N spacecraft: largest thrust in M stages, time of failure, and minimum impulse bit of all.
 
     A spacecraft without an engine has limit 0 and ignores all commands; one that loses its thrust ignores
     them from that time on.
     """
 
-    limits: Floats  # (N,) [m/s^2]
+    starts: Floats  # (M,) [s] of stages, the first -inf
+    limits: Floats  # (N, M) [m/s^2]
     lost: Floats  # (N,) [s], inf for an engine that does not fail
     minimum_bit: float  # [m/s]
 
     @classmethod
-    def of(cls, running: Any, limit: ArrayLike = np.inf, bit: float = 0.0, lost: Any = np.inf) -> Engines:
-        """Return the engines of spacecraft, some of which are `running` (N,)."""
-        return cls(np.where(running, limit, 0.0), np.broadcast_to(lost, np.shape(running)).astype(float), bit)
+    def unlimited(cls, count: int) -> Engines:
+        """Return engines without limits, which do not fail."""
+        return cls(np.array([-np.inf]), np.full((count, 1), np.inf), np.full(count, np.inf), 0.0)
 
     @property
     def running(self) -> Any:
         """Spacecraft that have an engine (N,)."""
-        return self.limits > 0.0
+        return self.limits.any(axis=1)
+
+    def limits_at(self, times: Floats) -> Floats:
+        """Return the thrust limits (N, T) [m/s^2] from given times onward, 0 after a failure."""
+        return np.where(times < self.lost[:, None] - SAME, self.limits[:, stages_at(self.starts, times)], 0.0)
 
     def among(self, which: Any) -> Engines:
         """Return the engines of the selected spacecraft."""
-        return Engines(self.limits[which], self.lost[which], self.minimum_bit)
+        return self._replace(limits=self.limits[which], lost=self.lost[which])
 
 
 class ThrusterStages(NamedTuple):
@@ -350,10 +351,6 @@ class ThrusterStages(NamedTuple):
         """Sets of thrusters, without stages of free thrust."""
         return [one for one in self.sets if one is not None]
 
-    def at(self, times: Floats) -> Any:
-        """Return the index of the set (T,) that is used from given times onward."""
-        return np.searchsorted(self.starts, times + SAME) - 1
-
     def pieces(self, path: Path) -> Iterator[tuple[Path, Thrusters | None]]:
         """Yield the parts of one spacecraft's path, each with its set."""
         arcs = path.arcs
@@ -364,7 +361,7 @@ class ThrusterStages(NamedTuple):
                 arcs[k - 1, END] = arcs[k, START] = time
                 arcs[k, IMPULSE : IMPULSE + 3] = 0.0
         arcs = linked(path.orbit, arcs.copy(), ends_of(path)[0]).arcs
-        which = self.at(arcs[:, START])
+        which = stages_at(self.starts, arcs[:, START])
         for k, own in enumerate(self.sets):
             if len(some := arcs[which == k]):
                 yield path_of(path.orbit, some, np.array([0, len(some)]), ()), own
@@ -402,7 +399,7 @@ class ThrusterModel(NamedTuple):
     def used(self, times: Floats) -> Any:
         """Return the row of the set (T,) that is used from given times onward, -1 for free thrust."""
         real = np.array([own is not None for own in self.stages.sets])
-        return np.where(real, np.cumsum(real) - 1, -1)[self.stages.at(times)]
+        return np.where(real, np.cumsum(real) - 1, -1)[stages_at(self.stages.starts, times)]
 
     def free(self, times: Floats) -> Floats:
         """Return the time (M, J, T) [s] without planned firing of each thruster since the first time."""
@@ -489,7 +486,8 @@ class Commands:
         longest = PULSED if pulsed else CONTINUOUS
         if not pulsed and not path.peak_thrust.any() and (law is None or law.impulses):
             longest = IMPULSIVE
-        spans, edges = ThrustSpans.of(path, law), thrust_jumps(path)
+        engines = engines or Engines.unlimited(len(path))
+        spans, edges = ThrustSpans.of(path, law), np.concatenate([thrust_jumps(path), engines.starts[1:]])
         if outputs is None:
             outputs = np.union1d(thrust_bends(path), spans.bounds)
         whole = float(path.start[0]), float(path.end[0])
@@ -497,10 +495,9 @@ class Commands:
             edges = np.concatenate([edges, thrusters.stages.starts[1:]])
         grid = TimeGrid.of(span or whole, law, when, edges, outputs, longest)
         fired = np.zeros((len(path), int(grid.impulses.max()) + 1, 3))
-        slots = np.searchsorted(grid.impulse_times, when)
+        slots = nearest(grid.impulse_times, when)
         np.add.at(fired, (craft, slots), planned if impulses is None else impulses)  # several at one instant
         frame = None if known is None else ChiefFrame.of(known, grid.times)
-        engines = engines or Engines.of(np.ones(len(path), dtype=bool))
         target = path if reference is None else reference
         return cls(path, grid, known, frame, spans, fired, target, law, engines, thrusters)
 

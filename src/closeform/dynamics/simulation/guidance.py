@@ -8,7 +8,7 @@ compensated thrust.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial, reduce
 
 import numpy as np
@@ -200,10 +200,6 @@ class Guidance:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
             frame = commands.frame if field is self.believed else None
-            done = propagate(commands, field._of(which), errors, own, frame)
-            if commands.thrusters is None and parts:  # only the orders of thrusters are kept
-                shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
-                done = replace(done, fired=np.zeros(shape))
-            parts.append(done)
+            parts.append(propagate(commands, field._of(which), errors, own, frame))
             craft += which
         return Trajectories.joined(parts, 1, np.argsort(craft))

@@ -13,7 +13,7 @@ from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import impulses_of
-from closeform.dynamics.simulation.commands import SAME, Commands
+from closeform.dynamics.simulation.commands import SAME, Commands, nearest
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
 from closeform.motion.joining import stack
@@ -79,7 +79,7 @@ def retarget(paths: Path, field: Field | None, law: Feedback | None = None) -> t
         jumps[np.ix_(which, fired)], states[np.ix_(which, shown)] = found
     before = states.copy()
     before[:, grid.outputs[grid.impulses >= 0], 3:] -= jumps
-    slots = np.searchsorted(grid.impulse_times, times)
+    slots = nearest(grid.impulse_times, times)
     at_once = ((craft == craft[:, None]) & (slots == slots[:, None])).sum(axis=1)
     changed = planned + (jumps - commands.jumps)[craft, slots] / at_once[:, None]
     own = paths.orbit._through(grid.output_times, states, before)

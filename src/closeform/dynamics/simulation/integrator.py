@@ -54,8 +54,7 @@ class Steps(NamedTuple):
     outputs: Any  # (K + 1,) row of the states that is filled, or -1
     impulses: Any  # (K + 1,) row of the impulses that is filled, or -1
     ballistics: Floats  # (N,) [m^2/kg]
-    limits: Floats  # (N,) [m/s^2], 0 without an engine
-    losses: Any  # (N,) node at which the engine fails; K + 1 if it does not
+    limits: Floats  # (N, K + 1) [m/s^2] from each node on, 0 without an engine
     minimum_bit: float  # [m/s]
     thrusters: Floats  # (M, J, 5), see SIDE to STRENGTH
     facets: Floats  # (M, F, 12), see CORNER and INVERSE
@@ -76,7 +75,7 @@ STEPS = types.NamedTuple(
     (
         *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, FOUR, BLOCKS, BLOCKS, WHICH),
         *(WHICH, BLOCKS, WHICH, BLOCKS),
-        *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, WHICH, float64, BLOCKS, BLOCKS, ROWS),
+        *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, ROWS, float64, BLOCKS, BLOCKS, ROWS),
         *(BLOCKS, WHICH, WHICH, EACH, WHICH, WHICH, ROWS),
     ),
     Steps,
@@ -381,18 +380,16 @@ def load_lanes(steps, first, begin, errors, lanes):
             lanes[Y + k, m] = there[k]
         for k in range(4):
             lanes[ERROR + k, m] = errors[row, k]
-        lanes[CRAFT, m], lanes[LIMIT, m], lanes[BALLISTIC, m] = i, steps.limits[i], steps.ballistics[i]
+        lanes[CRAFT, m], lanes[BALLISTIC, m] = i, steps.ballistics[i]
 
 
 @kernel()
 def change_engines(steps, node, lanes):
-    """End the orders of thrusters that are replaced at a node, and the thrust of engines that fail there."""
+    """Load the thrust limits from a node on; end the orders of thrusters that fail or are replaced there."""
     replaced = node > 0 and steps.sets[node] != steps.sets[node - 1]
     for m in range(LANES):
-        lost = steps.losses[int(lanes[CRAFT, m])] == node
-        if lost:
-            lanes[LIMIT, m] = 0.0
-        if lost or replaced:
+        lanes[LIMIT, m] = steps.limits[int(lanes[CRAFT, m]), node]
+        if replaced or lanes[LIMIT, m] == 0.0:
             for k in range(ORDER, OWN):
                 lanes[k, m] = 0.0
 

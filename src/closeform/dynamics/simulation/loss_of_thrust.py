@@ -99,6 +99,7 @@ def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, i
     def drifting(k: int, i: int, state: Floats) -> Floats:
         if field is None:
             return drift(paths.orbit, float(times[i]), float(times[-1]), state).state(times[i:])
-        return field._of([k])._drift_from(state, times[i:], chief[i:], acceleration[i:])
+        own, chiefs = field._of([k]), (chief[i:], acceleration[i:])
+        return np.asarray(own._drift_from(state[None], own._ballistics(1), times[i:], chiefs)[0])
 
     return drifting

@@ -15,7 +15,7 @@ from closeform.dynamics.control.feedback import delay_transitions, impulse_gains
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.model_error import residuals
-from closeform.dynamics.simulation.commands import BESIDE, SAME, Commands, ErrorEvents, impulse_until
+from closeform.dynamics.simulation.commands import BESIDE, Commands, ErrorEvents, impulse_until
 from closeform.dynamics.simulation.integrator import FACET, THRUSTER, Steps, integrate
 from closeform.dynamics.simulation.random_errors import SampledErrors
 from closeform.motion.arc import IMPULSE, STATE
@@ -32,16 +32,17 @@ NO_EVENTS = ErrorEvents(NONE_OF_EACH, NONE, NONE, (0, 0, 0))
 class Trajectories:
     """S simulations of N spacecraft at T output times.
 
-    `states` (S, N, T, 6) are those after impulses, and `arrivals` before. `fired` (S, N, Q, 3) [m/s] are the
-    impulses, or the delta-v of thruster orders, at Q `fired_times`. `spent` (S, N) [m/s] is the delta-v,
-    `nominal` (N,) that of the plan without errors, and `limited` (S, N) [s] the time at the thrust limit.
+    `states` (S, N, T, 6) are those after impulses, and `arrivals` before. `orders` (S, N, Q, 3) [m/s] are the
+    delta-v of feedback orders to thrusters at Q times `ordered`, 0 without thrusters. `spent` (S, N) [m/s] is
+    the delta-v, `nominal` (N,) that of the plan without errors, and `limited` (S, N) [s] the time at the
+    thrust limit.
     """
 
     times: Floats
     states: Floats
     arrivals: Floats
-    fired_times: Floats
-    fired: Floats
+    ordered: Floats
+    orders: Floats
     spent: Floats
     nominal: Floats
     limited: Floats
@@ -51,7 +52,7 @@ class Trajectories:
         """Return the trajectories of seeds (axis 0) or of spacecraft (axis 1) as one, in an `order`."""
         if len(parts) == 1:
             return parts[0]
-        names, where = ("states", "arrivals", "fired", "spent", "limited"), (slice(None),) * axis + (order,)
+        names, where = ("states", "arrivals", "orders", "spent", "limited"), (slice(None),) * axis + (order,)
         each = {name: np.concatenate([getattr(one, name) for one in parts], axis)[where] for name in names}
         nominal = np.concatenate([one.nominal for one in parts])[order] if axis else parts[0].nominal
         return replace(parts[0], nominal=nominal, **each)
@@ -100,13 +101,11 @@ def propagate(
     if (kicks := free[grid.impulses >= 0]).any():
         arrivals = states.copy()
         arrivals[:, :, grid.outputs[(grid.impulses >= 0) & free], 3:] -= fired[:, :, kicks]
-    fired_times = grid.impulse_times
-    if commands.thrusters is not None:  # only orders are reported
-        fired[:, :, kicks] = 0.0
-        orders = grid.feedback_impulses[grid.impulses >= 0] >= 0
-        fired, fired_times = fired[:, :, orders], fired_times[orders]
+        fired[:, :, kicks] = 0.0  # only orders are reported
+    at = grid.feedback_impulses[grid.impulses >= 0] >= 0
+    ordered, orders = grid.impulse_times[at], fired[:, :, at]
     delta_v, limited = spent[..., 0], spent[..., 1]
-    return Trajectories(grid.output_times, states, arrivals, fired_times, fired, delta_v, nominal, limited)
+    return Trajectories(grid.output_times, states, arrivals, ordered, orders, delta_v, nominal, limited)
 
 
 def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:
@@ -129,9 +128,8 @@ def _in_threads(field: Field, steps: Steps, each: tuple[Floats, ...]) -> None:
 
 def _planned_delta_v(steps: Steps) -> Floats:
     """Return the delta-v of planned free thrust and impulses (N,) [m/s], as the integrator counts it."""
-    running = np.arange(len(steps.lengths) + 1) < np.where(steps.limits > 0.0, steps.losses, 0)[:, None]
-    running &= steps.sets < 0
-    size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, None, None])
+    running = (steps.limits > 0.0) & (steps.sets < 0)
+    size = np.minimum(np.linalg.norm(steps.thrust, axis=3), steps.limits[:, :-1, None])
     thrust = size @ [1.0, 4.0, 1.0] * running[:, :-1] @ steps.lengths / 6.0
     return np.asarray(thrust + (np.linalg.norm(steps.planned_impulses, axis=2) * running).sum(axis=1))
 
@@ -164,8 +162,7 @@ def _steps(
     corrections = np.where((grid.feedback_impulses >= 0) & (sets >= 0), len(gains) // 2, 0)
     corrections += grid.feedback_impulses  # impulses, then burns of thrusters
     laws = grid.measurements, grid.updates, late, grid.rows, rules, corrections, gains
-    lost = np.searchsorted(grid.nodes, engines.lost - SAME)
-    of_engines = field._ballistics(count), engines.limits, lost, engines.minimum_bit
+    of_engines = field._ballistics(count), engines.limits_at(grid.nodes), engines.minimum_bit
     events = commands.events if errors.events.size else NO_EVENTS
     return Steps._make(
         [

@@ -19,9 +19,9 @@ from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.control.feedback import Feedback, Navigation, default_feedback, nonnegative
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import validity
-from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
-from closeform.dynamics.simulation.commands import Engines, ThrusterStages, intervals_in
+from closeform.dynamics.model_error import greatest_residual
+from closeform.dynamics.planned_paths import checked_paths, impulses_of, running_engines, until_lost
+from closeform.dynamics.simulation.commands import SAME, Engines, ThrusterStages, intervals_in, stages_at
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.propagate import Trajectories
 from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of, thrust_errors
@@ -51,7 +51,7 @@ def simulate(
     cancel: bool = True,
     known: Field | None = None,
     thrust_error: ArrayLike = (0.0, 0.0),
-    max_acceleration: ArrayLike | None = None,
+    max_acceleration: ArrayLike | dict[float, ArrayLike] | None = None,
     minimum_bit: float = 0.0,
     thrusters: Thrusters | Sequence[Thrusters | dict[float, Thrusters | None] | None] | None = None,
     seeds: int | Sequence[int] = 1,
@@ -86,9 +86,9 @@ def simulate(
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         Bounds on each spacecraft's relative thrust error and on its direction error. They are uniformly
         distributed and constant through a simulation.
-    max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        Limit of thrust without thrusters; `limited` reports the fraction of time at the limit. Cannot be
-        combined with impulses.
+    max_acceleration : array_like of shape (N,) or (), or dict of these by start time [s] [m/s^2], optional
+        Limit of thrust without thrusters, or the limits of successive stages; inf for none. `limited` reports
+        the fraction of time at the limit. A stage with a limit cannot have impulses.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
     thrusters : Thrusters or sequence of Thrusters, dict of float [s] and Thrusters, or None, optional
@@ -154,29 +154,29 @@ def simulate(
     asked_law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, count)
-    limit, lost_at = _limit(max_acceleration, fires, count), _loss_times(lost, count)
+    (starts, limits), lost_at = _stage_limits(max_acceleration, paths), _loss_times(lost, count)
     least = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     sampler = ErrorSampler(
         seeds_of(seeds), sight, sizes, errors_of_each(errors, count), float(paths.start[0])
     )
     believed = known or field
-    engines = Engines.of(running_engines(engine, paths, believed, own_sets), limit, least, lost_at)
+    running = running_engines(engine, paths, believed, own_sets)
+    engines = Engines(starts, np.where(running[:, None], limits, 0.0), lost_at, least)
     if control == "replan":
         _check_replanning(zones, asked_law, fires, cancel, lost_at)
     elif pulsed and not (cancel and least == 0.0):
         raise ValueError("thrusters: cannot be combined with minimum_bit or cancel=False; remove these")
-    law, planner = None if control == "open" else asked_law, None
+    law = None if control == "open" else asked_law
     if pulsed and law is not None:
         law = pulse_feedback(law, own_sets)
     if control == "replan" and zones is not None and law is not None:
-        planner = Replanner.of(paths, believed, own_sets, zones, law, engines, sampler)
-        law, first, instants = planner.law, planner.first, planner.instants
+        loop = ControlLoop.replanning(paths, believed, own_sets, zones, law, field, engines, sampler)
     else:
-        first = Guidance.of(paths, believed, law, own_sets, cancel)
-        instants = np.array(first.span)
-    runs = ControlLoop(law, field, engines, instants, planner).runs(first, sampler)
+        guidance = Guidance.of(paths, believed, law, own_sets, cancel)
+        loop = ControlLoop(guidance, law, field, engines, np.array(guidance.span))
+    first, runs = loop.first, loop.runs(sampler)
     done = Trajectories.joined([run.done for run in runs], 0)
-    nominal = done.nominal if planner is None else first.simulate(None, field, engines).nominal
+    nominal = first.simulate(None, field, engines).nominal if loop.replans else done.nominal
     planned = planned_delta_v(paths, own_sets, lost_at)
     each = zip(done.states, done.arrivals, strict=True)
     ratios = [clearance_ratios(*one, done.times, zones) for one in each]
@@ -193,13 +193,13 @@ def simulate(
         limited=done.limited / (done.times[-1] - done.times[0]),
         pairs=ratios[0][0],
         ratios=np.array([ratio for _, ratio in ratios]),
-        planned=paths if planner is not None else until_lost(first.paths, lost_at),
-        replans=np.array([run.replans for run in runs] if planner is not None else [0] * flights),
+        planned=paths if loop.replans else until_lost(first.paths, lost_at),
+        replans=np.array([run.replans for run in runs] if loop.replans else [0] * flights),
         refused=refused,
         firing=first.firing,
         pulses=tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
-        ordered=done.fired_times if orders else np.zeros(0),
-        orders=done.fired if orders else np.zeros((flights, count, 0, 3)),
+        ordered=done.ordered if orders else np.zeros(0),
+        orders=done.orders if orders else np.zeros((flights, count, 0, 3)),
     )
 
 
@@ -226,18 +226,23 @@ def _loss_times(lost: ArrayLike | None, count: int) -> Floats:
     return times
 
 
-def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:
-    """Return the thrust limit (N,) [m/s^2] after a check."""
-    if max_acceleration is None:
-        return np.full(count, np.inf)
-    limit = of_each("max_acceleration", max_acceleration, count)
-    if not (limit > 0.0).all():
-        raise ValueError(f"max_acceleration: must be positive, got {shown(max_acceleration)}")
-    if fires:
+def _stage_limits(given: Any, paths: Path) -> tuple[Floats, Floats]:
+    """Return start times (M,) [s] of stages, the first -inf, and thrust limits (N, M) [m/s^2]."""
+    stages = given if isinstance(given, dict) else {0.0: np.inf if given is None else given}
+    times = [number("max_acceleration", time) for time in stages]
+    if not times or times != sorted(times):
+        raise ValueError("max_acceleration: expected limits by start time, in order")
+    starts = np.array([-np.inf, *times[1:]])
+    limits = np.stack([of_each("max_acceleration", one, len(paths)) for one in stages.values()], axis=1)
+    if not (limits > 0.0).all():
+        raise ValueError(f"max_acceleration: must be positive, got {shown(given)}")
+    craft, fired, _ = impulses_of(paths)
+    # an impulse between two stages belongs to either
+    if np.isfinite([limits[craft, stages_at(starts, fired - dt)] for dt in (0.0, 2.0 * SAME)]).all(0).any():
         raise ValueError(
             "max_acceleration: cannot be combined with impulses; remove it, or plan continuous thrust"
         )
-    return limit
+    return starts, limits
 
 
 class Run(NamedTuple):
@@ -249,47 +254,84 @@ class Run(NamedTuple):
     refused: list[tuple[float, str]]
 
 
-class ControlLoop(NamedTuple):
-    """Loop in a field with a feedback `law`, or None for open-loop control, and a planner, if any.
+@dataclass(frozen=True, eq=False)
+class ControlLoop:
+    """Loop in a field from the `first` guidance, with a feedback `law`, or None for open-loop control.
 
-    A leg is from each of the `instants` (L + 1,) [s] to the next; between legs the planner makes a new plan.
+    A leg is from each of the `instants` (L + 1,) [s] to the next. If there are `zones`, each leg begins with
+    a measurement, and with a new plan that keeps a `margin` [m] around them; feedback keeps spacecraft on it.
     """
 
+    first: Guidance
     law: Feedback | None
     field: Field
     engines: Engines
     instants: Floats
-    planner: Replanner | None
+    zones: Zone | PairZones | None = None
+    margin: float = 0.0
 
-    def runs(self, first: Guidance, sampler: ErrorSampler) -> list[Run]:
-        """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
+    @classmethod
+    def replanning(
+        cls,
+        paths: Path,
+        believed: Field,
+        thrusters: Sequence[ThrusterStages | None],
+        zones: Zone | PairZones,
+        law: Feedback,
+        field: Field,
+        engines: Engines,
+        sampler: ErrorSampler,
+    ) -> Self:
+        """Return the loop with new plans, and with the margin for the errors."""
+        start, end = float(paths.start[0]), float(paths.end[0])
+        instants = np.linspace(start, end, intervals_in(end - start, law.every) + 1)
+        in_step = divide_interval(thrusters, float(instants[1] - instants[0]))
+        first = Guidance.of(paths, believed, None, in_step)
+        off, density = np.hypot(*sampler.sizes.T), np.zeros(len(paths))
+        if sampler.errors is not None:
+            off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in sampler.errors])
+            density += [one.noise for one in sampler.errors]
+        pushes = np.where(engines.running, off * paths.peak_thrust, greatest_residual(believed, paths))
+        margin = replanning_margin(sampler.navigation, law.every, pushes, density)
+        if first.firing is not None:
+            margin += float(np.sort(first.deviation)[-2:].sum())
+        law = replace(law, every=float(instants[1] - instants[0]))
+        return cls(first, law, field, engines, instants, zones, margin)
+
+    @property
+    def replans(self) -> bool:
+        """True if new plans are made."""
+        return self.zones is not None
+
+    def runs(self, sampler: ErrorSampler) -> list[Run]:
+        """Return the simulations of all seeds in one run, or with new plans in a run of each seed."""
         over = float(self.instants[-1] - self.instants[0])
         looks = 0 if self.law is None else intervals_in(over, self.law.every)
         seen, thrust = sampler.measured(looks + 1, over / max(looks, 1))
-        if self.planner is None:
-            return [self.run(first, sampler, seen, thrust)]
+        if not self.replans:
+            return [self.run(sampler, seen, thrust)]
         return [
-            self.run(first, replace(sampler, seeds=[seed]), one[None], off[None])
+            self.run(replace(sampler, seeds=[seed]), one[None], off[None])
             for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
         ]
 
-    def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
+    def run(self, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> Run:
         """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
 
         Each leg has its own burns.
         """
         parts, pulses, refused, replans = list[Trajectories](), list[Pulses](), list[tuple[float, str]](), 0
-        planner, measured = self.planner, seen
-        now: Any = None if planner is None else guidance.paths.state(self.instants[0])
+        guidance, measured = self.first, seen
+        now: Any = guidance.paths.state(self.instants[0]) if self.replans else None
         for leg, span in enumerate(pairwise(self.instants.tolist())):
-            if planner is not None:
+            if self.replans and self.law is not None:
                 measured = seen[:, :, leg : leg + 1]
-                if leg > 0 and self.instants[-1] - span[0] >= planner.law.horizon:
-                    anew, why = planner.replan(now + measured[0, :, 0], span[0])
+                if leg > 0 and self.instants[-1] - span[0] >= self.law.horizon:
+                    anew, why = self.replan(now + measured[0, :, 0], span[0])
                     refused += [(span[0], one) for one in why]
                     if anew is not None:
                         guidance, replans = anew, replans + 1
-            errors, of_leg = (sampler, (measured, thrust)), None if planner is None else span
+            errors, of_leg = (sampler, (measured, thrust)), span if self.replans else None
             parts.append(guidance.simulate(self.law, self.field, self.engines, *errors, of_leg, now, leg))
             pulses += guidance.pulses(span)
             now = parts[-1].states[0, :, -1].copy()
@@ -298,74 +340,17 @@ class ControlLoop(NamedTuple):
             fired = fired[np.lexsort((fired.start, fired.craft))]
         return Run(_of_all_legs(parts), fired, replans, refused)
 
-
-def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
-    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
-    if len(parts) == 1:
-        return parts[0]
-    states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
-    return replace(
-        parts[0],
-        times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
-        states=states,
-        arrivals=states,
-        fired_times=np.concatenate([one.fired_times for one in parts]),
-        fired=np.concatenate([one.fired for one in parts], axis=2),
-        spent=np.sum([one.spent for one in parts], axis=0),
-        limited=np.sum([one.limited for one in parts], axis=0),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Replanner:
-    """Planner of S simulations, which makes new plans with a `margin` [m] around the zones.
-
-    `first` is the guidance of the plan. A feedback `law` keeps spacecraft on the last plan, and `instants`
-    (M + 1,) [s] are the times of measurements, and the end.
-    """
-
-    first: Guidance
-    zones: Zone | PairZones
-    margin: float
-    law: Feedback
-    engines: Engines
-    instants: Floats
-
-    @classmethod
-    def of(
-        cls,
-        paths: Path,
-        believed: Field,
-        thrusters: Sequence[ThrusterStages | None],
-        zones: Zone | PairZones,
-        law: Feedback,
-        engines: Engines,
-        sampler: ErrorSampler,
-    ) -> Self:
-        """Return the planner with the margin for the errors."""
-        start, end = float(paths.start[0]), float(paths.end[0])
-        instants = np.linspace(start, end, intervals_in(end - start, law.every) + 1)
-        in_step = divide_interval(thrusters, float(instants[1] - instants[0]))
-        first = Guidance.of(paths, believed, None, in_step)
-        off = np.hypot(*sampler.sizes.T)
-        if sampler.errors is not None:
-            off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in sampler.errors])
-        pushes = np.where(engines.running, off * paths.peak_thrust, validity(paths, believed).residual)
-        margin = replanning_margin(sampler.navigation, law.every, pushes)
-        if first.firing is not None:
-            margin += float(np.sort(first.deviation)[-2:].sum())
-        law = replace(law, every=float(instants[1] - instants[0]))
-        return cls(first, zones, margin, law, engines, instants)
-
     def replan(self, states: Floats, begin: float) -> tuple[Guidance | None, list[str]]:
         """Return the guidance of a plan from measured states (N, 6), and why plans were refused."""
         first, why = self.first, list[str]()
         end, orbit = float(self.instants[-1]), first.paths.orbit
         moving, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
-        limits = self.engines.limits[moving]
+        ahead = np.append(begin, self.engines.starts[self.engines.starts > begin])
+        limits = self.engines.limits_at(ahead)[moving].min(axis=1)
         coasting = orbit.coast(states[rest], end - begin, begin)
         order = np.concatenate([moving, rest])
         zones = self.zones
+        assert zones is not None
         if isinstance(zones, PairZones) and len(rest):
             zones = _reordered(zones, order, len(moving))
         for share in PADDED:
@@ -392,6 +377,23 @@ class Replanner:
         return None, why
 
 
+def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
+    if len(parts) == 1:
+        return parts[0]
+    states = np.concatenate([*(one.states[:, :, :-1] for one in parts[:-1]), parts[-1].states], axis=2)
+    return replace(
+        parts[0],
+        times=np.concatenate([*(one.times[:-1] for one in parts[:-1]), parts[-1].times]),
+        states=states,
+        arrivals=states,
+        ordered=np.concatenate([one.ordered for one in parts]),
+        orders=np.concatenate([one.orders for one in parts], axis=2),
+        spent=np.sum([one.spent for one in parts], axis=0),
+        limited=np.sum([one.limited for one in parts], axis=0),
+    )
+
+
 def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
     """Return the zones of the same bodies in another order, the first `moving` of which move."""
     count, found = len(zones), list[Zone]()
@@ -403,11 +405,13 @@ def _reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
     return PairZones(tuple(found), np.arange(count), table, np.arange(count) < moving)
 
 
-def replanning_margin(sight: Navigation, every: float, pushes: Floats) -> float:
-    """Return the margin [m] for two spacecraft between measurements `every` [s] apart.
+def replanning_margin(sight: Navigation, every: float, pushes: Floats, density: Floats) -> float:
+    """Return the margin [m] for any two of N spacecraft between measurements `every` [s] apart.
 
-    It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].
+    It covers 4 sigmas of measurement errors and of process noise of a `density` (N,) [m^2/s^3], all constant
+    errors, and unplanned accelerations `pushes` (N,) [m/s^2].
     """
-    noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
+    square = 2.0 * (sight.position**2 + (every * sight.velocity) ** 2)
+    square += np.sort(density)[-2:].sum() * every**3 / 3.0
     constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)
-    return float(noise + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)
+    return float(SIGMAS * np.sqrt(square) + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.model_error import residuals
+from closeform.dynamics.model_error import path_residuals
 from closeform.dynamics.planned_paths import extended_paths, until_lost
 from closeform.dynamics.simulation.commands import (
     BESIDE,
@@ -25,7 +24,8 @@ from closeform.dynamics.simulation.commands import (
     TimeGrid,
     fires,
     impulse_until,
-    joined,
+    merged,
+    stages_at,
     thrust_jumps,
 )
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
@@ -153,10 +153,10 @@ def _compensated(
     """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.union1d(even, joined(np.concatenate([thrust_jumps(paths), bounds]), even))
+    edges = merged(even, np.concatenate([thrust_jumps(paths), bounds]))
     lengths = np.diff(edges)
     times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
+    left_out = path_residuals(field, paths, times)
     for k, own in enumerate(thrusters):
         if own is not None:
             left_out[k] = np.einsum("tij,tj->ti", controllable_in_stages(own, times, n), left_out[k])
@@ -285,7 +285,7 @@ def controllable_axes(thrusters: Thrusters, angles: Floats) -> Floats:
 
 def controllable_in_stages(own: ThrusterStages, times: Floats, n: float) -> Floats:
     """Return the projections (T, 3, 3) of `controllable_axes` at times (T,), for the set in use."""
-    found, which = np.tile(np.eye(3), (len(times), 1, 1)), own.at(times)
+    found, which = np.tile(np.eye(3), (len(times), 1, 1)), stages_at(own.starts, times)
     for k, used in enumerate(own.sets):
         if used is not None:
             found[which == k] = controllable_axes(used, n * times[which == k])

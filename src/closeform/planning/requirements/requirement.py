@@ -230,9 +230,9 @@ class StateRequirement(Requirement):
         margins = self._margin(on_arcs(path, arcs, times))
         around = np.pad(margins, ((0, 0), (1, 1)), constant_values=inf)
         lowest_near = margins - self._off_chord(path, arcs, spans)[:, None]
-        low = (lowest_near < self.reserve) & (margins <= around[:, :-2]) & (margins <= around[:, 2:])
-        row, column = np.nonzero(low)
         sampled = Worst(float(margins.min()), float(times.flat[margins.argmin()]))
+        low = lowest_near < max(self.reserve, sampled.margin)
+        row, column = np.nonzero(low & (margins <= around[:, :-2]) & (margins <= around[:, 2:]))
         if not len(row):
             return sampled
         width = (spans[row, 1] - spans[row, 0]) / SAMPLES

@@ -213,7 +213,7 @@ def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...
     if result.validity is None:
         missing = mission.scenario.field is not None and not result.executed
         return ("Model error: not predicted, since these paths are not executed",) * missing
-    from closeform.dynamics.model_error import in_words  # most runs do not need these kernels
+    from closeform.dynamics.simulation.validity import in_words  # most runs do not need these kernels
 
     return in_words(result.validity, result.after.names)
 
