@@ -18,7 +18,7 @@ from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_descent import at_rest, descended
 from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.delta_v.thruster_allocation import shared
-from closeform.planning.delta_v.waits import waiting
+from closeform.planning.delta_v.waits import COARSE, firing_times, longer, scheduled, waiting
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
@@ -324,13 +324,23 @@ def two_impulses(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spen
 
 
 def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Spent | None) -> Spent | None:
-    """Return the lowest-cost safe paths found with waits, if they cost less than the best; None without."""
-    found, others = waiting(solver, best)
-    for short in others:
-        if found is not None:
-            break
-        assert short.required is not None
-        found, _ = from_starts(short, short.required, short.required, by_energy, 1)
+    """Return the lowest-cost safe paths found with waits, if they cost less than the best; None without.
+
+    A longer duration leads from these to cheaper paths, by way of the times to fire between both: then it
+    costs hardly more than a shorter one.
+    """
+    found, firing = waiting(solver, best)
+    if found is None and best is None:
+        for time in firing_times(solver.problem, COARSE):
+            short = scheduled(solver, time)
+            if short is not None and short.required is not None:
+                found, _ = from_starts(short, short.required, short.required, by_energy, 1)
+            if found is not None:
+                firing = time
+                break
+    if found is not None:
+        for short in longer(solver, firing):
+            found = min(found, fewest(short, found), key=lambda one: one.delta_v)
     return found
 
 

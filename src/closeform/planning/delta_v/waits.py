@@ -26,31 +26,24 @@ from closeform.planning.requirements.requirement import largest_shortfall
 
 LONGEST = 2.0  # orbits, of the times to fire that are tried
 HALVINGS = 4  # bisections between two times to fire: the delta-v changes by 7 % from one to the next
-COARSE = 3  # of these times, one is searched for other sides
+COARSE = 3  # of these times, every third one is searched, and used for a descent
 
 
-def waiting(solver: ImpulseSolver, best: Spent | None) -> tuple[Spent | None, list[ImpulseSolver]]:
-    """Return the minimum delta-v with waits if it is clear and below the best; None otherwise.
+def waiting(solver: ImpulseSolver, best: Spent | None) -> tuple[Spent | None, float]:
+    """Return the minimum delta-v with waits if it is clear and below the best, with its time to fire [s].
 
-    The second result is empty, or without any clear paths the solvers of schedules to be searched.
+    It is the one of the longest time to fire over which the minimum delta-v without zones is clear.
     """
-    after, bar = inf, inf if best is None else best.delta_v
-    found, others = None, []
-    for number, firing in enumerate(firing_times(solver.problem)):
+    after, bar, found = inf, inf if best is None else best.delta_v, None
+    for firing in firing_times(solver.problem):
         short = scheduled(solver, firing)
         least = None if short is None else short.required
-        if short is None or least is None:
-            continue
-        if least.delta_v >= bar:
-            break
-        if least.clear:
+        if least is not None and (least.clear or least.delta_v >= bar):
             found = least
             break
         after = firing
-        if number % COARSE == 0 and best is None:
-            others.append(short)
-    if found is None:
-        return None, others
+    if found is None or found.delta_v >= bar:
+        return None, inf
     for _ in range(HALVINGS if after < inf else 0):
         middle = 0.5 * (firing + after)
         short = scheduled(solver, middle)
@@ -59,15 +52,25 @@ def waiting(solver: ImpulseSolver, best: Spent | None) -> tuple[Spent | None, li
             found, firing = least, middle
         else:
             after = middle
-    return found, []
+    return found, firing
 
 
-def firing_times(problem: Problem) -> Iterator[float]:
-    """Yield times to fire [s] that are shorter than the duration, the longest first."""
+def longer(solver: ImpulseSolver, firing: float) -> Iterator[ImpulseSolver]:
+    """Yield the solvers of some schedules with a longer time to fire, the shortest first."""
+    several = list(firing_times(solver.problem, COARSE))
+    for longer in several[::-1]:
+        short = scheduled(solver, longer) if longer > firing else None
+        if short is not None:
+            yield short
+
+
+def firing_times(problem: Problem, step: int = 1) -> Iterator[float]:
+    """Yield times to fire [s] that are shorter than the duration, the longest first, or each `step`th."""
     lasts = float(np.ptp(problem.base[:, [START, END]], axis=1).min())
     part = (problem.orbit.period if np.isfinite(problem.orbit.period) else lasts) / PARTS
     for number in range(min(ceil(lasts / part), ceil(LONGEST * PARTS)) - 1, 0, -1):
-        yield number * part
+        if number % step == 0:
+            yield number * part
 
 
 def scheduled(solver: ImpulseSolver, firing: float) -> ImpulseSolver | None:
@@ -90,8 +93,10 @@ def scheduled(solver: ImpulseSolver, firing: float) -> ImpulseSolver | None:
         (*own, NoThrust(start=-inf, end=first), NoThrust(start=last, end=inf))
         for own, (first, last) in zip(problem.requirements or [()] * problem.count, edges, strict=True)
     ]
-    short = replace(problem, requirements=tuple(quiet))
-    return ImpulseSolver(short, solver.thrusters, solver.names, solver.failures)
+    quiet_problem = replace(problem, requirements=tuple(quiet))
+    short = ImpulseSolver(quiet_problem, solver.thrusters, solver.names, solver.failures)
+    short.grid = short.spaced(*edges.T)
+    return short
 
 
 def is_clear(problem: Problem, states: Floats, lasts: Floats, since: Floats) -> bool:
