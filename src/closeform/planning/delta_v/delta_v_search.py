@@ -251,7 +251,8 @@ def searched(
         best = with_waits(solver, by_energy, best) or best
     best = None if best is None else fewest(solver, best)
     may_cost_less = solver.failures is not None and not solver.limits.any() and not near_bound(solver, best)
-    if may_cost_less and (best is None or best.delta_v > COSTLY * required.delta_v):
+    costly = best is None or (not solver.problem.requirements and best.delta_v > COSTLY * required.delta_v)
+    if may_cost_less and costly:  # with requirements these rounds are slow, and waits lead to cheaper paths
         best = roomier(solver, required, begun, best, until)
     return best, begun
 
@@ -326,10 +327,10 @@ def two_impulses(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spen
 def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Spent | None) -> Spent | None:
     """Return the lowest-cost safe paths found with waits, if they cost less than the best; None without.
 
-    A longer duration leads from these to cheaper paths, by way of the times to fire between both: then it
-    costs hardly more than a shorter one.
+    Longer times to fire lead from these to cheaper paths, step by step, as they would for a shorter duration.
+    Without requirements only waits that already cost less than the best paths pay, beside two impulses.
     """
-    found, firing = waiting(solver, best)
+    found, firing = waiting(solver, best.delta_v if best and not solver.problem.requirements else inf)
     if found is None and best is None:
         for time in firing_times(solver.problem, COARSE):
             short = scheduled(solver, time)
@@ -340,16 +341,21 @@ def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Sp
                 break
     if found is not None:
         for short in longer(solver, firing):
-            found = min(found, fewest(short, found), key=lambda one: one.delta_v)
-    return found
+            found = min(found, fewer(short, found), key=lambda one: one.delta_v)
+    return found if best is None or (found is not None and found.delta_v < best.delta_v) else None
 
 
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
-    """Return clear paths with few impulses at hardly more cost."""
+    """Return clear paths with few impulses, none of them small, at hardly more cost."""
+    return solver.without_small(fewer(solver, best))
+
+
+def fewer(solver: ImpulseSolver, best: Spent) -> Spent:
+    """Return clear paths with few impulses at hardly more cost, with a loss of thrust after a descent."""
     best = solver.fewest(solver.focused(best))
     if solver.failures is not None and not near_bound(solver, best):
         best = solver.fewest(descended(solver, best))
-    return solver.without_small(best)
+    return best
 
 
 def roomier(

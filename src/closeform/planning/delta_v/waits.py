@@ -29,12 +29,12 @@ HALVINGS = 4  # bisections between two times to fire: the delta-v changes by 7 %
 COARSE = 3  # of these times, every third one is searched, and used for a descent
 
 
-def waiting(solver: ImpulseSolver, best: Spent | None) -> tuple[Spent | None, float]:
-    """Return the minimum delta-v with waits if it is clear and below the best, with its time to fire [s].
+def waiting(solver: ImpulseSolver, bar: float) -> tuple[Spent | None, float]:
+    """Return the minimum delta-v with waits if it is clear and below `bar`, with its time to fire [s].
 
     It is the one of the longest time to fire over which the minimum delta-v without zones is clear.
     """
-    after, bar, found = inf, inf if best is None else best.delta_v, None
+    after, found = inf, None
     for firing in firing_times(solver.problem):
         short = scheduled(solver, firing)
         least = None if short is None else short.required
