@@ -541,6 +541,8 @@ def test_thrust_limit_extends_the_duration():
     plan = planned(line_abreast(), max_acceleration=limit)
     assert plan.measures
     assert plan.durations.max() == pytest.approx(400.0, rel=1e-6)
+    assert plan.late == pytest.approx(300.0, rel=1e-5)
+    assert "late 300 s" in repr(plan).replace("\n ", "")
     assert plan.paths.peak_thrust.max() <= limit * (1 + 1e-9)
     assert any("longer" in line or "durat" in line for line in plan.measures)
 
@@ -551,6 +553,7 @@ def test_individual_thrust_limits():
     assert plan.durations[1] == pytest.approx(150.0, rel=1e-6)
     loose = planned(task, max_acceleration=[1.0, 1.0, 1.0])
     assert loose.measures == ()
+    assert loose.late == 0.0
     assert loose.energy == planned(task).energy
 
 
@@ -621,7 +624,8 @@ def test_measures_are_reported(way):
     plan = planned(caged(1000.0), if_blocked=(way,))
     assert plan.measures
     assert all(line.startswith(way) for line in plan.measures)
-    assert plan.paths.end.min() > 1000.0
+    assert plan.paths.end.min() == pytest.approx(1000.0 + plan.late)
+    assert plan.late > 0.0
     if way == "longer":
         assert (plan.starts == 0).all()
     else:

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from chiefs import flown as flown_about
+from chiefs import orbit_of
 from closeform.planning import targets
 
 N = 1.1e-3
@@ -147,6 +149,17 @@ def test_string_of_pearls_is_at_rest():
     np.testing.assert_allclose(flown(N, states, turn(7)) - states, 0.0, atol=1e-12)
     np.testing.assert_allclose(states[:, 1], [-112.5, -37.5, 37.5, 112.5])
     assert (states[:, [0, 2, 3, 4, 5]] == 0.0).all()
+
+
+@pytest.mark.parametrize("time", [0.0, 3000.0])
+def test_v_bar_hold_about_an_eccentric_chief_closes_after_a_period(time):
+    """It stays on the V-bar at a distance proportional to the chief's radius, by DOP853."""
+    orbit = orbit_of(0.3)
+    (hold,) = targets.string_of_pearls(orbit, 1, 1.0, along_track=-200.0, time=time)
+    states = flown_about(orbit, hold, time + np.linspace(0.0, orbit.period, 201))
+    assert np.abs(states[-1] - hold)[:3].max() < 1e-6
+    assert np.abs(states[:, [0, 2]]).max() < 1e-6
+    assert states[:, 1].min() / states[:, 1].max() == pytest.approx(1.3 / 0.7, rel=1e-3)
 
 
 def test_pendulum_spacing():

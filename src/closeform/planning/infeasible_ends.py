@@ -147,16 +147,14 @@ def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[st
 
 
 def unseparated(problem: Problem, names: Sequence[str]) -> str:
-    """Return suggestions: another end for an arrival without cross-track separation, else more time."""
+    """Return what helps against free drifts: an end with cross-track separation, or another phase."""
     found = (
         [(separation(problem, i, j), (i, j)) for i, j in problem.pairs.tolist() if problem.count <= j]
         if problem.beside is None and problem.orbit.mean_motion
         else []
     )
     if not found or min(found)[0] > ON:
-        return "allow more time, arrive at another phase, or reduce drift"
-    ratio, (i, j) = min(found)
-    return (
-        f"{names[i]} arrives {ratio:.2f} x zone from {names[j]} across the track, where any slow drift "
-        f"along the track leads into the zone from one side: {remedy(problem, (i, j), 'end', names)}"
-    )
+        return "arrive at another phase, or reduce drift"
+    pair = min(found)[1]
+    safe = remedy(problem, pair, "end", names)
+    return f"reduce drift, or move the end off the track of {names[pair[1]]}: {safe}"

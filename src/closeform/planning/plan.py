@@ -180,7 +180,7 @@ class Plan(Result):
     slots : array of int of shape (N,)
         Index of each spacecraft's final state.
     starts, durations : array of shape (N,) [s]
-        Planned values, which differ from the requested ones where `measures` states it.
+        Planned values, which differ from the requested ones where `late` is above 0.
     energy : float [m^2/s^3]
         Control energy of all spacecraft, half the integral of the squared thrust acceleration; inf with
         impulses, nan where not ok.
@@ -210,6 +210,9 @@ class Plan(Result):
         Number of candidates examined.
     weak : ThrustShortfall or None
         Spacecraft with the largest shortfall of thrust, where a limit is exceeded.
+    late : float [s]
+        Delay of the last arrival beyond the requested one, by a longer duration or staggered starts; 0 for a
+        plan in the requested time.
     punctual : array of shape (N,), or None [m/s^2]
         Peak thrusts of a clear plan over the requested durations, where they exceed a limit: with these
         limits no spacecraft would need a longer duration.
@@ -248,6 +251,7 @@ class Plan(Result):
     proven: bool = False
     tried: int = 0
     weak: ThrustShortfall | None = None
+    late: float = 0.0
     punctual: Floats | None = None
     cost: Cost = "energy"
     priced: bool = True

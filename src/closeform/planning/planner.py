@@ -55,7 +55,7 @@ TOO_DEAR = 1e8  # times the optimum: not a practical plan
 
 def planned(request: Request) -> Plan:
     """Return the plan of a request."""
-    plan = attempt(request)
+    plan, asked = attempt(request), request.arrival
     if request.assign:
         plan = revised(request, plan, attempt)
         request = request.assigned(plan.slots)
@@ -64,6 +64,8 @@ def planned(request: Request) -> Plan:
     if plan.ok or plan.weak is not None:
         request, plan = within_limits(request, plan)
     plan = bounded(request, plan)
+    if plan.ok and (late := request.arrival - asked) > ROUNDING * request.durations.max():
+        plan = replace(plan, late=late, reason=f"arrives {late:.6g} s later than asked: {plan.reason}")
     return replace(plan, lower_bound=request.least_slots()[1]) if request.assign else plan
 
 
@@ -254,29 +256,28 @@ def not_found(plan: Plan, request: Request, problem: Problem, found: Outcome) ->
     if found.reason:
         return replace(plan, reason=found.reason)
     safe, names, near = problem.drift is not None, request.names, found.closest.trajectories
-    reason = [f"no {'passively safe' if safe else 'clear'} plan among {examined(found)}"]
+    lasts = request.arrival - float(request.starts.min())
+    reason = f"no {'passively safe' if safe else 'clear'} plan within {lasts:.6g} s"
+    reason += f" among {examined(found)}" if found.tried else ""
     if request.limits is not None and safe and request.cost == "delta-v" and not found.limited:
-        reason[0] += ", nor without the thrust limit"
-    if found.needed < inf:
-        reason.append(f"the constraints tried need at least {found.needed:.3g} times the thrust limit")
-    if found.unfired:
-        reason.append("impulses are safe, but no safe pulses above the thrusters' minimum_bit were found")
+        reason += ", nor without the thrust limit"
     missed = [] if near is None else violations(problem, near, names)
+    pair = next((one.pair for one in missed if one.pair), plan.blocked)
     if missed:
-        reason.append(f"the nearest miss: {'; '.join(one.text for one in missed)}")
-        plan = replace(plan, blocked=next((one.pair for one in missed if one.pair), plan.blocked))
-    elif found.blocked is not None:
-        reason.append(f"{names[found.blocked[0]]} and {names[found.blocked[1]]} remain in conflict")
-    if problem.effort.ended:
-        usual = problem.effort.usual
-        reason.append(f"the search has used its effort; a budget above {usual} raises it in proportion")
-    if safe:
-        reason.append(unseparated(problem, names))
-    elif any(one.pair is None for one in missed):
-        reason.append("allow more time, or relax a requirement")
-    else:
-        reason.append("raise budget")
-    return replace(plan, reason="; ".join(reason))
+        reason += f"; the nearest miss: {' and '.join(one.text for one in missed)}"
+    elif pair is not None:
+        reason += f"; {names[pair[0]]} and {names[pair[1]]} remain in conflict"
+    remedies = ["allow more time"]
+    if found.needed < inf:
+        reason += f"; the constraints tried need at least {found.needed:.3g} times the thrust limit"
+        remedies.append("raise the limit")
+    if found.unfired:
+        reason += "; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found"
+    if broken := dict.fromkeys(one.requirement for one in missed if one.requirement):
+        remedies.append(f"relax the {' or the '.join(broken)}")
+    if safe and pair is not None:
+        remedies.append(unseparated(problem, names))
+    return replace(plan, reason=f"{reason}; {', or '.join(remedies)}", blocked=pair)
 
 
 def examined(found: Outcome) -> str:
@@ -299,6 +300,7 @@ def infeasible_end(problem: Problem, request: Request) -> tuple[Status, tuple[in
         pair = found.pair
         short = margin_shortage(at_end, request, found)
         less = ", or reduce the margin" if short is not None and not short.inside else ""
+        less += ", or reduce sigmas" if request.errors is not None else ""
         reason = f"{names[pair[0]]} and {names[pair[1]]} are at {short or at_end.depth(found.ratio)}"
         return Status.END_INSIDE, pair, f"{reason} {found.when}; move one of them{less}"
     if problem.drift is not None and (unsafe := unsafe_end(problem)):
@@ -314,9 +316,8 @@ def end_outside(problem: Problem, request: Request) -> str:
         for one in own:
             for word, time, margin in zip(("start", "end"), (start, end), one._margin(ends), strict=True):
                 if one.start <= time <= one.end and margin < 0.0:
-                    kind, name = type(one).__name__, request.names[k]
-                    outside = f"the {word} of {name} is outside its {kind}, by {-margin:.3g} {one.unit}"
-                    return f"{outside}; move it, or relax the requirement"
+                    outside = f"is outside its {one.called}, by {-margin:.3g} {one.unit}"
+                    return f"the {word} of {request.names[k]} {outside}; move it, or relax the requirement"
     return ""
 
 
@@ -386,8 +387,7 @@ def within_limits(request: Request, plan: Plan) -> tuple[Request, Plan]:
     if not request.stretches:
         return request, refused("allow longer, or give more time", least=proven)
     if request.longest <= 1.0 + ROUNDING:
-        end = float((request.starts + request.durations).max())
-        remedy = f"give more time, with obstacles and an orbit that are known beyond {end:.6g} s"
+        remedy = f"give more time, with obstacles and an orbit that are known beyond {request.arrival:.6g} s"
         return request, refused(remedy, least=proven)
 
     def attempted(factor: float) -> tuple[Plan, Floats] | None:

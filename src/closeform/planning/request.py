@@ -283,7 +283,7 @@ class Request:
                     )
         if self.drift is None or self.obstacles is None:
             return self
-        until = float((self.starts + self.durations).max()) + self.drift
+        until = self.arrival + self.drift
         if len(short := np.flatnonzero(self.obstacles.end < until)):
             name, end = self.names[len(self.initial) + short[0]], self.obstacles.end[short[0]]
             raise ValueError(
@@ -291,6 +291,11 @@ class Request:
                 "path, or reduce drift"
             )
         return self
+
+    @property
+    def arrival(self) -> float:
+        """Time of the last arrival [s]."""
+        return float((self.starts + self.durations).max())
 
     @property
     def direct(self) -> Path:
@@ -328,7 +333,7 @@ class Request:
         """
         known = self.orbit.chief.span[1] if isinstance(self.orbit, ChiefOrbit) else np.inf
         if self.obstacles is not None and (self.drift is not None or self.given is not None):
-            last = float((self.starts + self.durations).max()) - ROUNDING * float(self.durations.max())
+            last = self.arrival - ROUNDING * float(self.durations.max())
             known = self.obstacles.end[self.obstacles.end >= last].min(initial=known)
         return float(((known - (self.drift or 0.0) - self.starts) / self.durations).min())
 

@@ -7,14 +7,15 @@ import numpy as np
 
 from closeform.planning.problem.problem import Problem, Trajectories
 
-MOST = 4  # violations that are reported
+MOST = 2  # violations that are reported
 
 
 class Violation(NamedTuple):
-    """Violation of a requirement as text, with the two bodies of a conflict."""
+    """Violation as text, with the two bodies of a conflict or the name of a requirement on one spacecraft."""
 
     text: str
     pair: tuple[int, int] | None = None
+    requirement: str = ""
 
 
 def violations(problem: Problem, trajectories: Trajectories, names: Sequence[str]) -> list[Violation]:
@@ -53,6 +54,8 @@ def broken_requirements(
     for i, one, worst, kept in problem.requirement_checks(trajectories):
         if kept:
             continue
-        kind, by = type(one).__name__, f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"
-        says = f"violates its {kind} {by}" if worst.margin < 0.0 else f"is not shown to keep its {kind}"
-        yield Violation(f"{names[i]} {says}")
+        by = f"by {-worst.margin:.3g} {one.unit} at {worst.time:.6g} s"
+        says = f"violates its {one.called} {by}"
+        if not worst.margin < 0.0:
+            says = f"is not shown to keep its {one.called}"
+        yield Violation(f"{names[i]} {says}", requirement=one.called)

@@ -229,6 +229,11 @@ class KeplerChief:
         """Duration of one revolution [s]."""
         return 2.0 * np.pi / self.mean_motion
 
+    def growth(self, angle: float) -> float:
+        """Return the rate of the radius over the radius [1/s] at an eccentric anomaly [rad]."""
+        e = self.eccentricity
+        return float(self.mean_motion * e * np.sin(angle) / (1.0 - e * np.cos(angle)) ** 2)
+
     @cached_property
     def table(self) -> Table:
         """Table of one revolution, which repeats."""

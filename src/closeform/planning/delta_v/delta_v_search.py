@@ -17,6 +17,7 @@ from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_descent import at_rest, descended
 from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.delta_v.thruster_allocation import shared
+from closeform.planning.delta_v.waits import COARSE, firing_times, longer, scheduled, waiting
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
@@ -211,7 +212,6 @@ def searched(
     """
     if free.checked.clear:
         return free, []
-    most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     solver.requirements.add(free.checked.required)
     required = solver.required if solver.problem.requirements else free
     if required is None:
@@ -220,12 +220,42 @@ def searched(
         required = free
     if required.clear and required.delta_v <= ENOUGH * required.least:
         return fewest(solver, required), [required.contacts]
-    effort, other = solver.problem.effort, None if near is None else near()
+    other = None if near is None else near()
     solver.closest.note(required.checked.worst, required.trajectories, required.checked.outside)
+    best, begun = from_starts(solver, free, required, by_energy, budget, more, until)
+    if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
+        best = other
+    may_wait = solver.failures is not None and not (solver.limits.any() or solver.pushes.fixed.any())
+    if may_wait and not near_bound(solver, best):
+        best = two_impulses(solver, required, best) or best
+        best = with_waits(solver, by_energy, best) or best
+    best = None if best is None else fewest(solver, best)
+    may_cost_less = solver.failures is not None and not solver.limits.any() and not near_bound(solver, best)
+    costly = best is None or (not solver.problem.requirements and best.delta_v > COSTLY * required.delta_v)
+    if may_cost_less and costly:  # with requirements these rounds are slow, and waits lead to cheaper paths
+        best = roomier(solver, required, begun, best, until)
+    return best, begun
+
+
+def from_starts(
+    solver: ImpulseSolver,
+    free: Spent,
+    required: Spent,
+    by_energy: Callable[[], Outcome],
+    budget: int | None,
+    more: bool = False,
+    until: float = ROOMY,
+) -> tuple[Spent | None, list[Contacts]]:
+    """Return the lowest-cost clear paths to which rounds from starts lead, and these starts.
+
+    `free` and `required` are the paths of minimum delta-v without zones, without and with requirements.
+    """
     best: Spent | None = None
     begun: list[Contacts] = []
-    alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()
-    most = budget or ALONE if alone else most
+    effort, single = solver.problem.effort, solver.problem.count == 1
+    alone = single and solver.failures is None and not solver.limits.any()
+    usual = ALONE if alone else (ONE if single else MANY) * (MORE if more or solver.failures else 1)
+    most = budget or usual
     for start in chain(starts(solver, required, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
         if len(begun) == most or (alone and best is not None and best.delta_v <= LEAST * free.least):
             break
@@ -249,13 +279,6 @@ def searched(
         break
     if solver.failures is not None:
         solver.failures.holding = False
-    if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
-        best = other
-    best = two_impulses(solver, required, best) or best
-    best = None if best is None else fewest(solver, best)
-    may_cost_less = solver.failures is not None and not solver.limits.any() and not near_bound(solver, best)
-    if may_cost_less and (best is None or best.delta_v > COSTLY * required.delta_v):
-        best = roomier(solver, required, begun, best, until)
     return best, begun
 
 
@@ -270,14 +293,7 @@ def near_bound(solver: ImpulseSolver, best: Spent | None) -> bool:
 
 
 def two_impulses(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:
-    """Return the lowest-cost safe plan of two impulses with waits, if it costs less than the best one.
-
-    There is none without `drift`.
-    """
-    if solver.failures is None or solver.limits.any() or solver.pushes.fixed.any():
-        return None
-    if near_bound(solver, best):
-        return None
+    """Return the lowest-cost safe plan of two impulses with waits, if it costs less than the best one."""
     for times, impulses in islice(two_impulse_plans(solver.problem), HOPS):
         if best is not None and np.linalg.norm(impulses, axis=2).sum() >= best.delta_v:
             return None
@@ -288,12 +304,38 @@ def two_impulses(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spen
     return None
 
 
+def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Spent | None) -> Spent | None:
+    """Return the lowest-cost safe paths found with waits, if they cost less than the best; None without.
+
+    Longer times to fire lead from these to cheaper paths, step by step, as they would for a shorter duration.
+    Without requirements only waits that already cost less than the best paths pay, beside two impulses.
+    """
+    found, firing = waiting(solver, best.delta_v if best and not solver.problem.requirements else inf)
+    if found is None and best is None:
+        for time in firing_times(solver.problem, COARSE):
+            short = scheduled(solver, time)
+            if short is not None and short.required is not None:
+                found, _ = from_starts(short, short.required, short.required, by_energy, 1)
+            if found is not None:
+                firing = time
+                break
+    if found is not None:
+        for short in longer(solver, firing):
+            found = min(found, fewer(short, found), key=lambda one: one.delta_v)
+    return found if best is None or (found is not None and found.delta_v < best.delta_v) else None
+
+
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
-    """Return clear paths with few impulses at hardly more cost."""
+    """Return clear paths with few impulses, none of them small, at hardly more cost."""
+    return solver.without_small(fewer(solver, best))
+
+
+def fewer(solver: ImpulseSolver, best: Spent) -> Spent:
+    """Return clear paths with few impulses at hardly more cost, with a loss of thrust after a descent."""
     best = solver.fewest(solver.focused(best))
     if solver.failures is not None and not near_bound(solver, best):
         best = solver.fewest(descended(solver, best))
-    return solver.without_small(best)
+    return best
 
 
 def roomier(

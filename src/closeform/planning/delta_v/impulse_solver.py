@@ -103,11 +103,7 @@ class ImpulseSolver:
         self.closest = Closest()
         self.requirements = PathRequirements(problem, self.pushes)
         base = problem.base
-        turns = problem.orbit._rate * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
-        times = problem.orbit._spaced(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns))
-        begun = [self.requirements.with_edges(i, row) for i, row in enumerate(times)]
-        grid = self.requirements.paired(list(map(Moments.every, begun, self.pushes.counts)))
-        self.grid = self.requirements.allowed(grid)
+        self.grid = self.spaced(base[:, START], base[:, END])
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
@@ -118,6 +114,14 @@ class ImpulseSolver:
         self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # controllable times
         self.span = np.array([problem.first, problem.arrival])
         self.motion, self.gains = self.natural_motion()
+
+    def spaced(self, starts: Floats, ends: Floats) -> list[Moments]:
+        """Return moments between times (N,), equally spaced about a circular orbit."""
+        turns = self.problem.orbit._rate * float((ends - starts).max()) / (2.0 * pi)
+        times = self.problem.orbit._spaced(starts, ends, LEAST + ceil(A_TURN * turns))
+        begun = [self.requirements.with_edges(i, row) for i, row in enumerate(times)]
+        grid = self.requirements.paired(list(map(Moments.every, begun, self.pushes.counts)))
+        return self.requirements.allowed(grid)
 
     def natural_motion(self) -> tuple[tuple[Floats, Floats, Floats, Floats], Floats]:
         """Return natural motion for a `Fleet`, and the gains (N, 6) of the craft's changes of state."""

@@ -47,16 +47,12 @@ class Effort:
     """
 
     limit: float = 0.0
-    usual: int = 1  # budget, in starts, that does not raise the limit
     used: float = 0.0
     begun: float = 0.0  # of it, before the current part
-    ended: bool = False  # whether any part of the search ended for lack of effort
 
     def allow(self, craft: int, budget: int | None, usual: int) -> None:
         """Set the limit for a number of craft; a budget above the usual one raises it in proportion."""
-        limit = EFFORT * craft * max(1.0, (budget or 0) / usual)
-        if limit > self.limit:
-            self.limit, self.usual = limit, usual
+        self.limit = max(self.limit, EFFORT * craft * max(1.0, (budget or 0) / usual))
 
     def extend(self, share: float) -> None:
         """Allow a `share` of the limit beyond what has been used."""
@@ -68,23 +64,26 @@ class Effort:
 
     def beyond(self, share: float = 1.0) -> bool:
         """Return whether a part has used more than `share` of the limit, which ends it."""
-        over = self.used - self.begun > share * self.limit
-        self.ended |= over
-        return over
+        return self.used - self.begun > share * self.limit
 
 
 @dataclass(eq=False)
 class Closest:
-    """Paths with the largest minimum `norm` of all that a search has checked; if equal, least `outside`."""
+    """Paths that are nearest to being clear of all that a search has checked.
 
+    These are the ones least outside the requirements on single craft, and of these the ones with the largest
+    minimum norm.  Planes of zones alone can lead far away, where no craft is near another.
+    """
+
+    outside: float = inf  # largest shortfall of requirements on single craft, in reserves
     norm: float = -inf
-    outside: float = 0.0  # largest shortfall of requirements on single craft, in reserves
     trajectories: Trajectories | None = None
 
     def note(self, norm: float, trajectories: Trajectories, outside: float = 0.0) -> None:
         """Record paths if none before is as near to being clear."""
-        if (self.norm, -self.outside) < (norm, -outside):
-            self.norm, self.outside, self.trajectories = norm, outside, trajectories
+        outside = max(outside, 1.0)  # less than a reserve is rounding
+        if (-self.outside, self.norm) < (-outside, norm):
+            self.outside, self.norm, self.trajectories = outside, norm, trajectories
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,7 @@ class ApproachCone(StateRequirement):
     np.True_
     """
 
+    called = "approach corridor"
     axis: Any
     half_angle: float
     radius: float

@@ -50,6 +50,11 @@ class KeepIn(StateRequirement):
             raise ValueError("zone: must hold a largest ball; give a sphere, ellipsoid, box or cylinder")
         object.__setattr__(self, "centre", centre)
 
+    @property
+    def called(self) -> str:  # type: ignore[override]
+        """Name in messages."""
+        return "waypoint" if self.start == self.end else "keep-in zone"
+
     def _margin(self, states: Floats) -> Floats:
         """Return a lower bound (...) [m] on the distance of states (..., 6) from the surface."""
         found: Floats = self.zone.inner_radius * (1.0 - self.zone.norm(states[..., :3] - self.centre))

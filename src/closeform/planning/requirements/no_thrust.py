@@ -32,6 +32,7 @@ class NoThrust(Requirement):
     >>> eclipse = cf.requirements.NoThrust(start=600.0, end=2700.0)
     """
 
+    called = "time without thrust"
     unit = "s"
     start: float = field()  # without the defaults of other requirements
     end: float = field()

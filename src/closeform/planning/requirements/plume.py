@@ -43,6 +43,7 @@ class Plume(ThrustRequirement):
     >>> plume = cf.requirements.Plume(half_angle=np.radians(20), range=50.0)
     """
 
+    called = "plume limit"
     half_angle: float
     range: float
     others: Any = None

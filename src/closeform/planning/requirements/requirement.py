@@ -77,6 +77,7 @@ class Requirement(ABC):
     start: float = -inf
     end: float = inf
 
+    called = "requirement"  # in messages
     unit = "m"  # of the margin
     reserve = 1e-4
 

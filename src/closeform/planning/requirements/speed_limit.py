@@ -41,6 +41,7 @@ class SpeedLimit(StateRequirement):
     0.05
     """
 
+    called = "speed limit"
     unit = "m/s"
     reserve = 1e-6
     limit: float

@@ -39,6 +39,7 @@ class ThrustExclusion(ThrustRequirement):
     >>> earth = cf.requirements.ThrustExclusion(direction=[-1, 0, 0], half_angle=np.radians(30))
     """
 
+    called = "direction without thrust"
     direction: Any
     half_angle: float
     rate: float = 0.0

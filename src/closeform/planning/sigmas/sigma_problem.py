@@ -98,7 +98,7 @@ class SigmaProblem(Problem):
         which, side = np.nonzero((present[:, :1] <= ends) & (ends <= present[:, 1:]))
         found = self.gauges(self.direct, Contacts.at(which, ends[which, side]), -1.0)[0]
         least = float(found.min())
-        return f"{ratio:.2f} x zone and {self.sigmas:g} sigmas (ends allow {least:.3g})"
+        return f"{ratio:.2f} x the zone enlarged by {self.sigmas:g} sigmas (ends allow {least:.3g})"
 
     def conflicts(self, trajectories: Trajectories, factor: float = 1.0) -> list[PairRow]:
         """Return conflicts with zones and sigmas enlarged by `factor`; the ratio is the gauge.

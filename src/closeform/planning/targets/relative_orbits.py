@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, whole
+from closeform.motion.chief.yamanaka_ankersen import KeplerChief
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.mean_motion import checked
 from closeform.motion.elements.palmer import state_from_palmer
 from closeform.motion.orbit import Orbit, circular_orbit
@@ -153,35 +155,60 @@ def projected_circular(orbit: Orbit, count: int, radius: float, first_phase: flo
     return state_from_palmer(palmer, orbit.mean_motion)
 
 
-def string_of_pearls(orbit: Orbit, count: int, spacing: float) -> Floats:
-    """Return craft behind one another on the same orbit, at rest on the V-bar.
+def string_of_pearls(
+    orbit: Orbit | ChiefOrbit, count: int, spacing: float, along_track: float = 0.0, time: float = 0.0
+) -> Floats:
+    """Return craft behind one another on the V-bar, where they stay: hold points.
 
     Parameters
     ----------
-    orbit : Orbit
-        Orbit of the origin.
+    orbit : Orbit or ChiefOrbit
+        Orbit of the origin: circular, or an ellipse.
     count : int
         Number N of craft, at least 1.
     spacing : float [m]
-        Distance of neighbours.
+        Distance of neighbours; without effect on one craft.
+    along_track : float [m], default 0
+        Along-track position of the craft's centre.
+    time : float [s], default 0
+        Time of the states, which matters about an eccentric chief.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        States in the rotating frame, centred on the origin, the last craft foremost.
+        States in the rotating frame, the last craft foremost.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, which has no along-track direction (see `line`), `count` is below 1, or
-        `spacing` is not positive and finite.
+        If `orbit` is deep space, which has no along-track direction (see `line`), or perturbed, `count` is
+        below 1, `spacing` is not positive, or a number is not finite.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.eccentric(0.2, perigee_altitude=500e3)
+    >>> hold = cf.targets.string_of_pearls(orbit, 1, 1.0, along_track=-200.0)
+    >>> bool(np.allclose(orbit.transition(orbit.period) @ hold[0], hold[0]))
+    True
+
+    Notes
+    -----
+    About a circular orbit the craft are at rest.  About an eccentric chief they differ from it in the
+    argument of perigee alone: they stay on the V-bar, at a constant angle seen from the Earth's centre, so
+    that their distance is proportional to the chief's radius.
 
     References
     ----------
-    docs/theory.md (5).
+    docs/theory.md (5); Yamanaka and Ankersen, J. Guidance, Control, and Dynamics 25(1), 60-66, 2002.
     """
-    orbiting(orbit, "string_of_pearls")
-    return line(count, spacing, [0.0, 1.0, 0.0])
+    when = scalar("time", time)
+    states = line(count, spacing, [0.0, 1.0, 0.0])
+    states[:, 1] += scalar("along_track", along_track)
+    if isinstance(orbit, ChiefOrbit) and isinstance(orbit.chief, KeplerChief):
+        states[:, 4] = orbit.chief.growth(orbit._angle(when)) * states[:, 1]
+    else:
+        orbiting(orbit, "string_of_pearls")
+    return states
 
 
 def pendulum(orbit: Orbit, count: int, spacing: float, cross_track: float) -> Floats:
@@ -214,6 +241,7 @@ def pendulum(orbit: Orbit, count: int, spacing: float, cross_track: float) -> Fl
     Cross-track pendulum: Krieger, Fiedler, Mittermayer, Papathanassiou and Moreira, IEE Proc. Radar, Sonar
     and Navigation 150(3), 2003.
     """
+    orbiting(orbit, "pendulum")
     states = string_of_pearls(orbit, count, spacing)
     states[:, 2] = _places(len(states)) * scalar("cross_track", cross_track, positive=True)
     return states
@@ -282,7 +310,7 @@ def scalar(name: str, value: ArrayLike, positive: bool = False) -> float:
     return float(checked(name, number(name, value), positive=positive))
 
 
-def orbiting(orbit: Orbit, name: str) -> None:
-    """Raise ValueError for deep space, where the relative orbit `name` is undefined."""
+def orbiting(orbit: Orbit | ChiefOrbit, name: str) -> None:
+    """Raise ValueError for deep space, where the relative orbit `name` is undefined, and any other orbit."""
     if not circular_orbit("orbit", orbit).mean_motion:
         raise ValueError(f"orbit: {name} is undefined in deep space; give a mean motion above 0")

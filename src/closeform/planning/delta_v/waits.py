@@ -1,0 +1,105 @@
+"""Waits: shorter plans that coast on the natural motions at their ends.
+
+A schedule is a time in which the craft may fire: after a wait on their initial natural motion, and before a
+coast into their final states.  It is the same problem with quiet times, allowed where these coasts keep all
+zones and requirements.  The times to fire are multiples of a fixed part of the orbit, whatever the duration.
+A longer duration therefore admits the plans of a shorter one wherever waiting is free.
+
+Waits matter where a loss of thrust is planned for: the longer a plan lasts, the more of its free drifts
+return to a zone, so that the minimum delta-v without zones is safe only over shorter times.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import ceil, inf
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START, STATE
+from closeform.planning.delta_v.checks import Spent
+from closeform.planning.delta_v.impulse_solver import ImpulseSolver
+from closeform.planning.passive.two_impulse_plans import PARTS
+from closeform.planning.problem.problem import Problem
+from closeform.planning.requirements.no_thrust import NoThrust
+from closeform.planning.requirements.requirement import largest_shortfall
+
+LONGEST = 2.0  # orbits, of the times to fire that are tried
+HALVINGS = 4  # bisections between two times to fire: the delta-v changes by 7 % from one to the next
+COARSE = 3  # of these times, every third one is searched, and used for a descent
+
+
+def waiting(solver: ImpulseSolver, bar: float) -> tuple[Spent | None, float]:
+    """Return the minimum delta-v with waits if it is clear and below `bar`, with its time to fire [s].
+
+    It is the one of the longest time to fire over which the minimum delta-v without zones is clear.
+    """
+    after, found = inf, None
+    for firing in firing_times(solver.problem):
+        short = scheduled(solver, firing)
+        least = None if short is None else short.required
+        if least is not None and (least.clear or least.delta_v >= bar):
+            found = least
+            break
+        after = firing
+    if found is None or found.delta_v >= bar:
+        return None, inf
+    for _ in range(HALVINGS if after < inf else 0):
+        middle = 0.5 * (firing + after)
+        short = scheduled(solver, middle)
+        least = None if short is None else short.required
+        if least is not None and least.clear:
+            found, firing = least, middle
+        else:
+            after = middle
+    return found, firing
+
+
+def longer(solver: ImpulseSolver, firing: float) -> Iterator[ImpulseSolver]:
+    """Yield the solvers of some schedules with a longer time to fire, the shortest first."""
+    several = list(firing_times(solver.problem, COARSE))
+    for longer in several[::-1]:
+        short = scheduled(solver, longer) if longer > firing else None
+        if short is not None:
+            yield short
+
+
+def firing_times(problem: Problem, step: int = 1) -> Iterator[float]:
+    """Yield times to fire [s] that are shorter than the duration, the longest first, or each `step`th."""
+    lasts = float(np.ptp(problem.base[:, [START, END]], axis=1).min())
+    part = (problem.orbit.period if np.isfinite(problem.orbit.period) else lasts) / PARTS
+    for number in range(min(ceil(lasts / part), ceil(LONGEST * PARTS)) - 1, 0, -1):
+        if number % step == 0:
+            yield number * part
+
+
+def scheduled(solver: ImpulseSolver, firing: float) -> ImpulseSolver | None:
+    """Return the solver whose craft fire only for a time, after a wait or else before a coast.
+
+    None if neither the wait nor the coast keeps all zones and requirements.
+    """
+    problem, orbit = solver.problem, solver.problem.orbit
+    starts, ends = problem.base[:, START], problem.base[:, END]
+    rests = ends - starts - firing
+    begun = problem.base[:, STATE : STATE + 6]
+    arriving = (orbit.transition(-rests, ends) @ solver.finals[:, :, None])[..., 0]
+    if is_clear(problem, begun, rests, starts):
+        edges = np.column_stack([starts + rests, ends])
+    elif is_clear(problem, arriving, rests, ends - rests):
+        edges = np.column_stack([starts, ends - rests])
+    else:
+        return None
+    quiet = [
+        (*own, NoThrust(start=-inf, end=first), NoThrust(start=last, end=inf))
+        for own, (first, last) in zip(problem.requirements or [()] * problem.count, edges, strict=True)
+    ]
+    quiet_problem = replace(problem, requirements=tuple(quiet))
+    short = ImpulseSolver(quiet_problem, solver.thrusters, solver.names, solver.failures)
+    short.grid = short.spaced(*edges.T)
+    return short
+
+
+def is_clear(problem: Problem, states: Floats, lasts: Floats, since: Floats) -> bool:
+    """Return whether coasts from states (N, 6) keep all zones and requirements, by proof."""
+    coasts = problem.with_path(*map(problem.orbit.coast, states, lasts, since))
+    return not (problem.conflicts(coasts) or largest_shortfall(problem.requirement_checks(coasts)))
