@@ -139,7 +139,7 @@ def slide_all(scene, arcs, offsets, contacts, count, slid):
 
 
 @kernel()
-def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
+def next_contacts(scene, arcs, offsets, contacts, count, slid, following):
     """Fill the contacts of the next round: the new instants, and old instants that are far from them."""
     motion = stack_matrix(3, 3)
     total = 0
@@ -151,9 +151,9 @@ def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following
         span = scene.windows[which, 1] - scene.windows[which, 0]
         if contacts.multipliers[k] > 0.0 and abs(slid.times[k] - t) > SAME * span:
             relative_motion(scene, arcs, offsets, which, t, motion)
-            copy_contact(contacts, k, turned, 0)
-            turn_normal(scene, which, motion, turned.normals[0])
-            total = merge(scene, turned, 0, following, total)
+            copy_contact(contacts, k, slid, k)
+            turn_normal(scene, which, motion, slid.normals[k])
+            total = merge(scene, slid, k, following, total)
     return total
 
 

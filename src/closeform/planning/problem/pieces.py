@@ -106,8 +106,8 @@ def sample_pieces(clock, rows, first, last, times, bases, states):
 
 
 @kernel()
-def fill_responses(scene, body, t, out):
-    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, in metres."""
+def fill_piece_responses(scene, body, t, out):
+    """Fill `out` (2, 6, 6) with the states of A and of B^T of a craft at time t."""
     at = locate(scene.spans, scene.unit_offsets[body], scene.unit_offsets[body + 1], t)
     w = stack_matrix(3, 12)
     weigh(scene.clock, scene.spans[at], t, w)
@@ -119,7 +119,7 @@ def fill_responses(scene, body, t, out):
                 for b in range(TERMS):
                     place += w[0, b] * c[TERMS * axis + b]
                     speed += w[1, b] * c[TERMS * axis + b]
-                out[2 * side, axis, j], out[2 * side + 1, axis, j] = place, speed
+                out[side, axis, j], out[side, 3 + axis, j] = place, speed
 
 
 @kernel()
@@ -169,7 +169,7 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
             for side in range(2):
                 if scene.pairs[contacts.which[k], side] == c:
                     force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
-                    add_force(force, contacts.normals[k], factors[k, side, 2], ahead)
+                    add_force(force, contacts.normals[k], factors[k, side, 1], ahead)
                     place = pushed  # in order of time
                     while place > 0 and felt_at(scene, contacts, own[place - 1], c) > t:
                         own[place], sides[place] = own[place - 1], sides[place - 1]
@@ -188,7 +188,7 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
                     start = t
                 force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
                 add_force(force, contacts.normals[k], factors[k, side, 0], back)
-                add_force(-force, contacts.normals[k], factors[k, side, 2], ahead)
+                add_force(-force, contacts.normals[k], factors[k, side, 1], ahead)
                 following += 1
                 if following == pushed:
                     ahead[:] = 0.0  # without what rounding leaves
