@@ -4,7 +4,7 @@ A round solves the quadratic program of the known contacts (the zones' supportin
 paths by its forces, and moves every contact to the current closest approach of its paths. A contact that
 moved far also keeps its old time, which damps the rounds.  Where the energy has settled, the planes are
 raised by the shortfall that remains between them; late rounds, in which a path slides along a zone, do so as
-well.  The lowest-cost clear solution is kept.                                                 # theory 4
+well.  The lowest-cost clear solution is kept.  The rounds of exact contacts are extrapolated.   # theory 4
 """
 
 from math import inf
@@ -16,6 +16,7 @@ from numba import float64, int64, types
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, borrowed, lent
+from closeform.motion.linear import solve
 from closeform.planning.energy.plane_program import ALONE, fill_gaps, solve_planes
 from closeform.planning.problem.approaches import find_minima, sample_craft, spread
 from closeform.planning.problem.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
@@ -28,8 +29,9 @@ NEARLY = 1e-2  # shortfall, in zones, up to which planes are raised
 ENOUGH, STEADY = 1e-5, 1e-6  # shortfall and relative change of energy at which rounds end
 LATE = 12  # rounds after which each is a candidate: the energy of a path that slides hardly settles
 RAISES = 4
+MEMORY, ALIKE = 6, 1e-12  # rounds of an extrapolation, and regularisation of equal ones
 GIVEN_UP = 2.0  # times the energy to beat, after the first round, which is costly at exits
-PACE = 10  # rounds at the last rate of change, within which the energy must reach the bar
+PACE = 3  # rounds at the last rate of change, within which the energy must reach the bar
 
 
 class Bodies(NamedTuple):
@@ -121,6 +123,48 @@ def raise_planes(scene, contacts, count, short, gram, gaps, work, factors, paths
     return inf
 
 
+@kernel()
+def extrapolate(scene, contacts, count, following, images, changes, turn):
+    """Replace the contacts of the next round by extrapolations of the last rounds (Anderson 1965).
+
+    Rows of `images` and `changes` (MEMORY, 4 K) hold the next contacts of a round, and the difference from
+    its own; `turn` is the number of rounds since the contacts were others.
+    """
+    here, size, known = turn % MEMORY, 4 * count, min(turn, MEMORY - 1)
+    for k in range(count):
+        which = contacts.which[k]
+        span = scene.windows[which, 1] - scene.windows[which, 0]
+        images[here, 4 * k] = following.times[k] / span
+        changes[here, 4 * k] = (following.times[k] - contacts.times[k]) / span
+        for i in range(3):
+            images[here, 4 * k + 1 + i] = following.normals[k, i]
+            changes[here, 4 * k + 1 + i] = following.normals[k, i] - contacts.normals[k, i]
+    matrix, shares = np.zeros((MEMORY, MEMORY)), np.zeros(MEMORY)
+    for a in range(known):
+        one = (turn - 1 - a) % MEMORY
+        for j in range(size):
+            apart = changes[here, j] - changes[one, j]
+            shares[a] += apart * changes[here, j]
+            for b in range(known):
+                matrix[a, b] += apart * (changes[here, j] - changes[(turn - 1 - b) % MEMORY, j])
+    for a in range(known):
+        matrix[a, a] *= 1.0 + ALIKE
+        if not matrix[a, a] > 0.0:
+            return
+    solve(matrix, shares, known)
+    for k in range(count):
+        which = contacts.which[k]
+        start, end = scene.windows[which, 0], scene.windows[which, 1]
+        for i in range(4):
+            value = images[here, 4 * k + i]
+            for a in range(known):
+                value -= shares[a] * (images[here, 4 * k + i] - images[(turn - 1 - a) % MEMORY, 4 * k + i])
+            if i == 0:
+                following.times[k] = min(max(value * (end - start), start), end)
+            else:
+                following.normals[k, i - 1] = value
+
+
 @kernel(types.Tuple((int64, float64))(SCENE, SIDES, int64, float64, float64, float64, WORKSPACE))
 def solve_local(scene, sides, count, bar, soft, accuracy, room):
     """Relax the first `count` contacts in `hand` and new ones; return the number of contacts, and the energy.
@@ -141,7 +185,9 @@ def solve_local(scene, sides, count, bar, soft, accuracy, room):
             for i in range(6):
                 samples.states[body, k, i] = scene.states[body, k, i]
     kept, least_energy = 0, inf
-    before, least, latest = inf, inf, 0
+    before, least, latest, alike = inf, inf, 0, 0
+    size = 4 * len(gaps) if accuracy < inf else 0
+    images, changes = np.empty((MEMORY, size)), np.empty((MEMORY, size))
     for turn in range(ROUNDS):
         fill_factors(scene, contacts, count, factors)
         fill_gram(scene, contacts, count, factors, gram)
@@ -172,6 +218,14 @@ def solve_local(scene, sides, count, bar, soft, accuracy, room):
                     kept, least_energy = copy_contacts(contacts, count, best), energy
                 if steady and least_energy < inf:
                     break
+        same = total == count
+        for k in range(min(count, total)):
+            same = same and following.which[k] == contacts.which[k]
+        if accuracy < inf and same:
+            extrapolate(scene, contacts, count, following, images, changes, alike)
+            alike += 1
+        else:
+            alike = 0
         contacts, following = following, contacts
         count = total
     if least_energy == inf:

@@ -178,5 +178,6 @@ class Search:
 
 def turned(contacts: Contacts, k: int, side: Floats) -> Contacts:
     """Return contacts with the k-th contact's pair on another side; that pair has no other contacts."""
-    one = contacts.some([k])._replace(normals=side[None], multipliers=np.ones(1))
-    return contacts.some(contacts.which != contacts.which[k]).joined(one)
+    alone = contacts.number == 1
+    one = (contacts if alone else contacts.some([k]))._replace(normals=side[None], multipliers=np.ones(1))
+    return one if alone else contacts.some(contacts.which != contacts.which[k]).joined(one)
