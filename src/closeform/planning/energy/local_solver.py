@@ -15,7 +15,7 @@ from closeform.planning.problem.scene import Contacts
 from closeform.zones.shapes import BALL
 
 SAME = 1e-5  # relative difference of the energies of equal solutions
-EXACT = 1e-7  # of windows and normals: accuracy of the contacts of the best solution
+EXACT = 1e-9  # of windows and normals: accuracy of the contacts of the best solution
 POWER = 8.0  # of the norms that round edges
 FINER = 3  # maximum rounds with conflicts that samples missed
 ROOM = 8, 24  # contacts of a workspace: constant, and for each craft

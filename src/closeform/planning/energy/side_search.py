@@ -20,7 +20,7 @@ DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are chosen by shi
 FEW = 6  # pairs in contact up to which every exit of a contact is examined
 BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # (pairs, maximum candidates); else one
 PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one that end the search
-EDGED = 2  # factor of the candidates where zones have edges, with many local optima
+EDGED = 3  # factor of the candidates where zones have edges, with many local optima
 MORE = 24  # additional candidates where none is clear
 SIMILAR = 1e-5  # relative saving by which a solution counts as better
 DRAWN = 4  # every DRAWN-th candidate begins with random sides, for diversity
@@ -104,7 +104,7 @@ class Search:
         patience: float = PATIENCE_FEW if pairs <= FEW else PATIENCE_MANY
         if self.problem.count == 1:
             patience = PATIENCE_ONE
-        if pairs > FEW and not self.problem.round:
+        if self.problem.count > 1 and not self.problem.round:
             budget, patience = EDGED * budget, EDGED * patience
         if self.budget is not None:
             return self.budget, inf
