@@ -30,6 +30,7 @@ ENOUGH, STEADY = 1e-5, 1e-6  # shortfall and relative change of energy at which 
 LATE = 12  # rounds after which each is a candidate: the energy of a path that slides hardly settles
 RAISES = 4
 MEMORY, ALIKE = 6, 1e-12  # rounds of an extrapolation, and regularisation of equal ones
+STEP = 3e-3  # of windows and normals: maximum change of exact contacts in a round
 GIVEN_UP = 2.0  # times the energy to beat, after the first round, which is costly at exits
 PACE = 3  # rounds at the last rate of change, within which the energy must reach the bar
 
@@ -152,17 +153,20 @@ def extrapolate(scene, contacts, count, following, images, changes, turn):
         if not matrix[a, a] > 0.0:
             return
     solve(matrix, shares, known)
+    farthest, step = 0.0, np.empty(size)
+    for j in range(size):
+        step[j] = changes[here, j]
+        for a in range(known):
+            step[j] -= shares[a] * (images[here, j] - images[(turn - 1 - a) % MEMORY, j])
+        farthest = max(farthest, abs(step[j]))
+    share = min(1.0, STEP / farthest) if farthest > 0.0 else 1.0
     for k in range(count):
         which = contacts.which[k]
         start, end = scene.windows[which, 0], scene.windows[which, 1]
-        for i in range(4):
-            value = images[here, 4 * k + i]
-            for a in range(known):
-                value -= shares[a] * (images[here, 4 * k + i] - images[(turn - 1 - a) % MEMORY, 4 * k + i])
-            if i == 0:
-                following.times[k] = min(max(value * (end - start), start), end)
-            else:
-                following.normals[k, i - 1] = value
+        time = contacts.times[k] + share * step[4 * k] * (end - start)
+        following.times[k] = min(max(time, start), end)
+        for i in range(3):
+            following.normals[k, i] = contacts.normals[k, i] + share * step[4 * k + 1 + i]
 
 
 @kernel(types.Tuple((int64, float64))(SCENE, SIDES, int64, float64, float64, float64, WORKSPACE))
@@ -199,7 +203,10 @@ def solve_local(scene, sides, count, bar, soft, accuracy, room):
         moved = slide_all(scene, arcs, offsets, contacts, count, slid)
         number = look(scene, arcs, offsets, contacts, count, samples, found)
         short = shortfall(found, number)
-        settled = next_contacts(scene, arcs, offsets, contacts, count, slid, following)
+        if accuracy < inf:
+            settled = copy_contacts(slid, count, following)
+        else:
+            settled = next_contacts(scene, arcs, offsets, contacts, count, slid, following)
         total = add_fresh(scene, sides, arcs, offsets, found, number, following, settled)
         if short < max(least, NEARLY):
             least, latest = short, turn
