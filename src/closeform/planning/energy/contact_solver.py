@@ -19,7 +19,14 @@ from closeform.kernel_loans import Lent, borrowed, lent
 from closeform.motion.linear import solve
 from closeform.planning.energy.plane_program import ALONE, fill_gaps, solve_planes
 from closeform.planning.problem.approaches import find_minima, sample_craft, spread
-from closeform.planning.problem.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
+from closeform.planning.problem.contacts import (
+    SIDES,
+    add_fresh,
+    copy_contacts,
+    join_equal,
+    next_contacts,
+    slide_all,
+)
 from closeform.planning.problem.deflection import deflect, fill_factors, fill_gram
 from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, NUMBERS, ROWS, SCENE, Contacts, Scene
 
@@ -204,6 +211,7 @@ def solve_local(scene, sides, count, bar, soft, accuracy, room):
         number = look(scene, arcs, offsets, contacts, count, samples, found)
         short = shortfall(found, number)
         if accuracy < inf:
+            join_equal(scene, contacts, count, slid)
             settled = copy_contacts(slid, count, following)
         else:
             settled = next_contacts(scene, arcs, offsets, contacts, count, slid, following)

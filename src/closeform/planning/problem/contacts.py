@@ -139,6 +139,19 @@ def slide_all(scene, arcs, offsets, contacts, count, slid):
 
 
 @kernel()
+def join_equal(scene, contacts, count, slid):
+    """Let one of two contacts of a pair that are close, and stay close when they slide, have both forces."""
+    for k in range(count):
+        for m in range(k):
+            which = contacts.which[k]
+            same = SAME * (scene.windows[which, 1] - scene.windows[which, 0])
+            near = abs(contacts.times[k] - contacts.times[m]) < same
+            if which == contacts.which[m] and near and abs(slid.times[k] - slid.times[m]) < same:
+                slid.multipliers[k] += slid.multipliers[m]
+                slid.multipliers[m] = 0.0
+
+
+@kernel()
 def next_contacts(scene, arcs, offsets, contacts, count, slid, following):
     """Fill the contacts of the next round: the new instants, and old instants that are far from them."""
     motion = stack_matrix(3, 3)
