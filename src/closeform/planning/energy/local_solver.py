@@ -16,7 +16,7 @@ from closeform.zones.shapes import BALL
 
 SAME = 1e-5  # relative difference of the energies of equal solutions
 EXACT = 1e-9  # of windows and normals: accuracy of the contacts of the best solution
-POWER = 8.0  # of the norms that round edges
+POWER = 4.0  # of the norms that round edges
 FINER = 3  # maximum rounds with conflicts that samples missed
 ROOM = 8, 24  # contacts of a workspace: constant, and for each craft
 LARGE = 150  # contacts beyond which convexity is not examined
