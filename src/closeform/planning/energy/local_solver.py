@@ -38,7 +38,11 @@ class Solution:
     problem: Problem
     contacts: Contacts
     energy: float
-    clear: bool
+
+    @property
+    def clear(self) -> bool:
+        """True if the paths are clear."""
+        return self.energy < inf
 
     @cached_property
     def trajectories(self) -> Trajectories:
@@ -73,12 +77,8 @@ class LocalSolver:
 
         Conflicts that the samples have missed become contacts.
         """
-        if not start.number and not self.problem.round:  # edges are first rounded, to choose sides
-            exact, edged = self.scene, self.scene.shapes != BALL
-            powers, sizes = np.where(edged, POWER, inf), np.where(edged, 2.0 ** (1.0 / POWER), 1.0)
-            self.scene = exact._replace(powers=powers, aims=sizes * exact.aims)
-            start = self.relaxed(start, sides, inf).contacts
-            self.scene = exact
+        if not start.number and not self.problem.round:
+            start = self.on_rounded_sides(sides)
         solution = self.relaxed(start, sides, bar)
         for _ in range(FINER):
             if not solution.clear or solution.energy > bar:
@@ -90,7 +90,16 @@ class LocalSolver:
             self.scene = self.problem.sampled(self.scene, np.union1d(self.scene.times, more.times))
             start = solution.contacts.joined(self.nearest(solution.trajectories, more))
             solution = self.relaxed(start, nearer(self.problem), bar)
-        return replace(solution, clear=False, energy=inf)
+        return replace(solution, energy=inf)
+
+    def on_rounded_sides(self, sides: Sides) -> Contacts:
+        """Return the contacts of paths around zones whose edges are rounded, to choose sides."""
+        exact, edged = self.scene, self.scene.shapes != BALL
+        powers, sizes = np.where(edged, POWER, inf), np.where(edged, 2.0 ** (1.0 / POWER), 1.0)
+        self.scene = exact._replace(powers=powers, aims=sizes * exact.aims)
+        contacts = self.relaxed(Contacts.none(), sides, inf).contacts
+        self.scene = exact
+        return contacts
 
     def settled(self, solution: Solution) -> Solution:
         """Return a certified solution with its contacts at the closest approaches, where these settle."""
@@ -110,7 +119,7 @@ class LocalSolver:
         for column, given in zip(room.hand, start, strict=True):
             column[: start.number] = given
         count, energy = solve_local(self.scene, sides, start.number, bar, soft, accuracy, room)
-        return Solution(self.problem, room.best.first(count), energy, energy < inf)
+        return Solution(self.problem, room.best.first(count), energy)
 
     def nearest(self, trajectories: Trajectories, contacts: Contacts) -> Contacts:
         """Return the contacts with normals on the sides on which the paths pass."""

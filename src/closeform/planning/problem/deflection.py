@@ -30,7 +30,14 @@ from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, primer_
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
 from closeform.planning.problem.natural_motion import state_after
-from closeform.planning.problem.pieces import add_force, deflect_pieces, felt_at, fill_piece_responses
+from closeform.planning.problem.pieces import (
+    acting,
+    add_force,
+    deflect_pieces,
+    felt_at,
+    fill_piece_responses,
+    force_of,
+)
 from closeform.planning.problem.relative_motion import motion_after
 from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
@@ -181,38 +188,21 @@ def deflect_arcs(scene, contacts, count, factors, arcs, offsets):
     A craft has one arc more than contacts that act on it, and the coasts before and after its own time.
     """
     row = 0
-    own, push = np.empty(count, dtype=np.int64), stack_vector(3)
+    own, sides, push = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64), stack_vector(3)
     for c in range(len(scene.base)):
         offsets[c] = row
-        n, start, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
-        if scene.span[0] < start:
+        n, begin, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
+        if scene.span[0] < begin:
             b = scene.base[c]
-            back = coast(n, scene.span[0] - start, b[6], b[7], b[8], b[9], b[10], b[11])
-            coast_arc(n, scene.span[0], start, back, arcs[row])
+            back = coast(n, scene.span[0] - begin, b[6], b[7], b[8], b[9], b[10], b[11])
+            coast_arc(n, scene.span[0], begin, back, arcs[row])
             row += 1
         copy(scene.base[c], arcs[row])
-        pushed = 0
-        for k in range(count):
-            which = contacts.which[k]
-            for side in range(2):
-                if (
-                    scene.pairs[which, side] == c
-                    and contacts.multipliers[k] != 0.0
-                    and is_controllable(scene, c, felt_at(scene, contacts, k, c))
-                ):
-                    force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
-                    for i in range(3):
-                        for j in range(6):
-                            arcs[row, THRUST + j] += (
-                                force * contacts.normals[k, i] * factors[k, side, FORCE, i, j]
-                            )
-                    place = pushed  # in order of time
-                    felt = felt_at(scene, contacts, k, c)
-                    while place > 0 and felt_at(scene, contacts, own[place - 1], c) > felt:
-                        own[place] = own[place - 1]
-                        place -= 1
-                    own[place] = k
-                    pushed += 1
+        pushed = acting(scene, contacts, count, c, own, sides)
+        for place in range(pushed):
+            k, side = own[place], sides[place]
+            start = arcs[row, THRUST : THRUST + 6]
+            add_force(force_of(contacts, k, side), contacts.normals[k], factors[k, side, FORCE], start)
         for place in range(pushed):
             k = own[place]
             t, which = felt_at(scene, contacts, k, c), contacts.which[k]
@@ -224,7 +214,7 @@ def deflect_arcs(scene, contacts, count, factors, arcs, offsets):
                 for i in range(6):
                     arcs[row + 1, STATE + i], arcs[row + 1, THRUST + i] = state[i], primer[i]
                 row += 1
-            force = contacts.multipliers[k] if scene.pairs[which, 0] == c else -contacts.multipliers[k]
+            force = force_of(contacts, k, sides[place])
             matrix, normal = scene.matrices[scene.kinds[which]], contacts.normals[k]
             for j in range(3):
                 push[j] = force * (
@@ -261,13 +251,12 @@ def fill_changes(scene, contacts, out):
     count = len(contacts.times)
     factors = np.empty((count, 2, 2, 3, 6))
     fill_factors(scene, contacts, count, factors)
+    own, sides = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
     out[:] = 0.0
-    for k in range(count):
-        for side in range(2):
-            craft = scene.pairs[contacts.which[k], side]
-            if is_controllable(scene, craft, felt_at(scene, contacts, k, craft)):
-                force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
-                add_force(force, contacts.normals[k], factors[k, side, FORCE], out[craft])
+    for c in range(len(scene.base)):
+        for place in range(acting(scene, contacts, count, c, own, sides)):
+            k, side = own[place], sides[place]
+            add_force(force_of(contacts, k, side), contacts.normals[k], factors[k, side, FORCE], out[c])
 
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, ROWS))
