@@ -137,7 +137,7 @@ class Request:
                     "order: requires method 'sequential' or 'distributed' and each of "
                     f"0 to {count - 1} once, got {order}"
                 )
-        return cls._checked(
+        return cls._of(
             method,
             ("joint", "sequential", "distributed"),
             zone,
@@ -186,7 +186,7 @@ class Request:
             raise ValueError("obstacles: give at least one path")
         if errors is not None or other_errors is not None:
             errors = [errors, *one_for_each("other_errors", other_errors, len(batch))]
-        return cls._checked(
+        return cls._of(
             method,
             ("exact", "sauter-palmer"),
             zone,
@@ -206,7 +206,7 @@ class Request:
         )
 
     @classmethod
-    def _checked(
+    def _of(
         cls,
         method: Method,
         known: tuple[Method, ...],
@@ -252,12 +252,11 @@ class Request:
             requirements=_requirements(requirements, count),
             **options,
             **fields,
-        ).cheapest()
-        request._check_support()
-        return request
+        )
+        return request.cheapest()._checked()
 
-    def _check_support(self) -> None:
-        """Raise ValueError for requirements or a proof that the cost does not support.
+    def _checked(self) -> Request:
+        """Return the request; raise ValueError for requirements or a proof that the cost does not support.
 
         The same applies to an obstacle that ends before the drift.
         """
@@ -287,7 +286,7 @@ class Request:
         if self.proof_time and self.cost == "delta-v" and self.limits is not None:
             raise ValueError("prove: cannot be combined with max_acceleration and cost 'delta-v'; omit one")
         if self.drift is None or self.obstacles is None:
-            return
+            return self
         until = float((self.starts + self.durations).max()) + self.drift
         if len(short := np.flatnonzero(self.obstacles.end < until)):
             name, end = self.names[len(self.initial) + short[0]], self.obstacles.end[short[0]]
@@ -295,6 +294,7 @@ class Request:
                 f"obstacles: {name} ends at {end:.6g} s, the drift at {until:.6g} s; extend the obstacle's "
                 "path, or reduce drift"
             )
+        return self
 
     @property
     def direct(self) -> Path:
