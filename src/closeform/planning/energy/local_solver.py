@@ -104,9 +104,8 @@ class LocalSolver:
     def settled(self, solution: Solution) -> Solution:
         """Return a certified solution with its contacts at the closest approaches, where these settle."""
         exact = self.relaxed(solution.contacts, nearer(self.problem), inf, 0.0, EXACT)
-        if exact.clear and not self.problem.conflicts(exact.trajectories):
-            return exact
-        return solution
+        as_cheap = exact.energy <= (1.0 + SAME) * solution.energy
+        return exact if as_cheap and not self.problem.conflicts(exact.trajectories) else solution
 
     def relaxed(
         self, start: Contacts, sides: Sides, bar: float, soft: float = SOFT, accuracy: float = inf
