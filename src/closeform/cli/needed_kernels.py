@@ -13,7 +13,7 @@ PLANNING = (
     "planning.problem.approaches planning.problem.contacts planning.problem.deflection "
     "planning.energy.quadratic_program"
 )
-LEAST_ENERGY = "planning.energy.contact_solver planning.bounds.dual_bound planning.energy.side_costs"
+LEAST_ENERGY = "planning.energy.contact_solver planning.bounds.dual_bound"
 LEAST_DELTA_V = (
     "motion.minimum_delta_v.impulses motion.minimum_delta_v.impulse_arcs "
     "motion.minimum_delta_v.constant_primers"

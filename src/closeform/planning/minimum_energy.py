@@ -116,7 +116,7 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
     together = solver.solve(start, nearer(problem))
     if not together.clear or problem.energy(together.trajectories) > problem.energy(alone.trajectories):
         return replace(alone, tried=tried)
-    return outcome(Found(together, MARGINS[0], False, tried + 1))
+    return outcome(Found(solver.settled(together), MARGINS[0], False, tried + 1))
 
 
 def contacts_of(problem: Problem, contacts: Contacts, trajectories: Trajectories) -> tuple[Contact, ...]:

@@ -36,6 +36,7 @@ from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_a
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
 from closeform.planning.requirements.requirement import Requirement, StateRequirement
+from closeform.uncertainty.errors import one_for_each
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones
@@ -48,7 +49,6 @@ Method = Literal["joint", "sequential", "distributed", "exact", "sauter-palmer"]
 Fallback = Literal["more sides", "longer", "stagger"]
 FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 ROUNDING = 1e-9  # of a duration
-OWN_LIMITS = "cannot be combined with thrusters, which have limits of their own"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,24 +105,15 @@ class Request:
         assign: bool = False,
         start: ArrayLike = 0.0,
         obstacles: Path | Sequence[Path] = (),
-        max_acceleration: ArrayLike | None = None,
         if_blocked: Sequence[Fallback] = FALLBACKS,
         method: Method = "joint",
         order: Sequence[int] | None = None,
         names: Sequence[str] | None = None,
-        cost: Cost = "energy",
         thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
-        drift: float | None = None,
-        errors: Any = None,
-        sigmas: float = 3.0,
-        margin: Any = 0.0,
-        requirements: Any = (),
-        **effort: Any,
+        **options: Any,
     ) -> Request:
         """Return the request for the arguments of `reconfigure`; raise ValueError naming a bad argument."""
         instance("assign", assign, bool, np.bool_)
-        known = "joint", "sequential", "distributed"
-        options = _options(method, known, cost, thrusters, drift, (errors,), zone, **effort)
         begins, places = _states("initial", initial), _states("final", final)
         count = len(begins)
         if assign and len(places) < count:
@@ -137,17 +128,6 @@ class Request:
         batch = obstacle_batch(check_orbit(orbit, method, thrusters), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, batch)
-        limits = (
-            None
-            if max_acceleration is None
-            else _each("max_acceleration", max_acceleration, count, greatest=np.inf)
-        )
-        own = each_set(thrusters, count)
-        for k, name in enumerate(called[:count]):
-            if own[k] is not None and limits is not None and limits[k] < np.inf:
-                raise ValueError(
-                    f"max_acceleration: {name}: {OWN_LIMITS}; omit it, or give inf for craft with thrusters"
-                )
         if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
             raise ValueError(f"if_blocked: must be {', '.join(map(repr, FALLBACKS))}, got {unknown[0]!r}")
         if order is not None:
@@ -157,7 +137,12 @@ class Request:
                     "order: requires method 'sequential' or 'distributed' and each of "
                     f"0 to {count - 1} once, got {order}"
                 )
-        request = cls(
+        return cls._of(
+            method,
+            ("joint", "sequential", "distributed"),
+            zone,
+            thrusters,
+            **options,
             orbit=orbit,
             initial=begins,
             places=places,
@@ -168,22 +153,11 @@ class Request:
             zones=tuple(pair_zones("zone", zone, count, extra, called).groups()),
             obstacles=batch,
             names=called,
-            thrusters=own,
             assign=assign,
             order=None if order is None else tuple(order),
-            limits=None if limits is None or (limits == np.inf).all() else limits,
             stretches="longer" in if_blocked,
             if_blocked=tuple(if_blocked),
-            padding=Padding.of(margin, count, extra),
-            requirements=_requirements(requirements, count),
-            **options,
-        ).cheapest()
-        many = size("sigmas", sigmas)
-        if _any_errors((errors,)):
-            from closeform.planning.sigmas.sigma_problem import Margin
-
-            request = replace(request, errors=Margin.among(count, extra, errors, many))
-        return request._checked()
+        )
 
     @classmethod
     def of_path(
@@ -194,43 +168,31 @@ class Request:
         method: Method = "exact",
         *,
         path_over: Callable[[float], Path] | None = None,
-        max_acceleration: float | None = None,
         longer: bool = True,
         name: str = "path",
         names: Sequence[str] | None = None,
-        cost: Cost = "energy",
         thrusters: Thrusters | None = None,
-        drift: float | None = None,
         errors: Any = None,
         other_errors: Any = None,
-        sigmas: float = 3.0,
-        margin: Any = 0.0,
-        requirements: Any = (),
-        **effort: Any,
+        **options: Any,
     ) -> Request:
         """Return the request for the arguments of `avoid`; raise ValueError naming a bad argument.
 
         `name` is that of the spacecraft, and `path_over` returns its path over a multiple of its duration.
         """
         instance("longer", longer, bool, np.bool_)
-        known = ("exact", "sauter-palmer")
-        options = _options(method, known, cost, thrusters, drift, (errors, other_errors), zone, **effort)
-        if thrusters is not None:
-            instance("thrusters", thrusters, Thrusters)
-            if max_acceleration is not None:
-                raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
         batch = obstacle_batch(check_orbit(path.orbit, method, thrusters), obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
-        limits = None
-        if max_acceleration is not None:
-            limit = numbers("max_acceleration", max_acceleration)
-            if limit.shape or not limit > 0.0:
-                raise ValueError(
-                    f"max_acceleration: expected one positive number [m/s^2], got {shown(max_acceleration)}"
-                )
-            limits = limit.reshape(1) if limit < np.inf else None
-        request = cls(
+        if errors is not None or other_errors is not None:
+            errors = [errors, *one_for_each("other_errors", other_errors, len(batch))]
+        return cls._of(
+            method,
+            ("exact", "sauter-palmer"),
+            zone,
+            thrusters,
+            **options,
+            errors=errors,
             orbit=path.orbit,
             slots=np.zeros(1, dtype=np.int64),
             early=np.zeros(1),
@@ -238,21 +200,60 @@ class Request:
             zones=zones_around(zone, len(batch)),
             obstacles=batch,
             names=(name, *obstacle_names(names, batch)),
-            thrusters=(thrusters,),
-            limits=limits,
             stretches=longer,
             path_over=path_over or (lambda factor: transfer_of(path, factor)),
-            padding=Padding.of(margin, 1, len(batch)),
-            requirements=_requirements(requirements, 1),
             **_ends(path),
-            **options,
         )
-        many = size("sigmas", sigmas)
-        if _any_errors((errors, other_errors)):
+
+    @classmethod
+    def _of(
+        cls,
+        method: Method,
+        known: tuple[Method, ...],
+        zone: Any,
+        thrusters: Any,
+        *,
+        max_acceleration: ArrayLike | None = None,
+        cost: Cost = "energy",
+        drift: float | None = None,
+        errors: Any = None,
+        sigmas: float = 3.0,
+        margin: Any = 0.0,
+        requirements: Any = (),
+        budget: int | None = None,
+        prove: float = 0.0,
+        gap: float = GAP,
+        **fields: Any,
+    ) -> Request:
+        """Return the request of `fields` and of the options that `avoid` and `reconfigure` share.
+
+        `known` are the methods: first the usual one, which supports all other options.
+        """
+        options = _options(method, known, cost, thrusters, drift, errors, zone, budget, prove, gap)
+        count, many = len(fields["initial"]), size("sigmas", sigmas)
+        extra = 0 if fields["obstacles"] is None else len(fields["obstacles"])
+        limits, own = None, each_set(thrusters, count)
+        if max_acceleration is not None:
+            limits = _each("max_acceleration", max_acceleration, count, greatest=np.inf)
+            for k in np.flatnonzero(limits < np.inf):
+                if own[k] is not None:
+                    raise ValueError(
+                        f"max_acceleration: {fields['names'][k]} has thrusters, whose limits are their own; "
+                        "omit it, or give inf for craft with thrusters"
+                    )
+        if errors is not None:
             from closeform.planning.sigmas.sigma_problem import Margin
 
-            request = replace(request, errors=Margin.around(path, errors, batch, other_errors, many))
-        return request._checked()
+            options["errors"] = Margin.among(count, extra, errors, many)
+        request = cls(
+            thrusters=own,
+            limits=None if limits is None or (limits == np.inf).all() else limits,
+            padding=Padding.of(margin, count, extra),
+            requirements=_requirements(requirements, count),
+            **options,
+            **fields,
+        )
+        return request.cheapest()._checked()
 
     def _checked(self) -> Request:
         """Return the request; raise ValueError for requirements that the cost does not support.
@@ -427,16 +428,13 @@ def _options(
     cost: str,
     thrusters: Any,
     drift: float | None,
-    errors: Sequence[Any],
+    errors: Any,
     zone: Any,
-    budget: int | None = None,
-    prove: float = 0.0,
-    gap: float = GAP,
+    budget: int | None,
+    prove: float,
+    gap: float,
 ) -> dict[str, Any]:
-    """Return the options as fields; raise ValueError for an unknown one, or ones that cannot be combined.
-
-    `known` are the methods: first the usual one, which supports all other options.
-    """
+    """Return the options as fields; raise ValueError for an unknown one, or ones that cannot be combined."""
     if budget is not None:
         whole("budget", budget, least=1)
     if not number("prove", prove) >= 0.0:
@@ -462,7 +460,7 @@ def _options(
             raise ValueError(f"drift: must be 0 s or more, got {shown(drift)}")
         if unusual:
             raise ValueError(f"drift: requires method {known[0]!r}, got {shown(method)}")
-    if _any_errors(errors):
+    if errors is not None:
         own = zone if isinstance(zone, list | tuple) else [zone]
         if any(
             isinstance(one, CovarianceZone) or (isinstance(one, PairZones) and counts_covariances(one))
@@ -497,11 +495,6 @@ def _requirements(given: Any, count: int) -> tuple[tuple[Requirement, ...], ...]
 def _as_tuple(given: Any) -> tuple[Any, ...]:
     """Return a sequence as a tuple, and a single object as one."""
     return tuple(given) if isinstance(given, list | tuple) else (given,)
-
-
-def _any_errors(given: Sequence[Any]) -> bool:
-    """Return whether any errors are given."""
-    return any(one is not None for one in given)
 
 
 def _names(names: Sequence[str] | None, count: int, obstacles: Path | None) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 
 A round solves the quadratic program of the known contacts (the zones' supporting planes there), deflects all
 paths by its forces, and moves every contact to the current closest approach of its paths. A contact that
-moved far also keeps its old time, which damps the rounds.  Once the paths are nearly clear, Newton's method
-solves the conditions of optimality.  A path that slides along a zone has no single contact to converge to;
-its planes are raised by the remaining shortfall.  The lowest-cost clear solution is always kept.  # theory 4
+moved far also keeps its old time, which damps the rounds.  Where the energy has settled, the planes are
+raised by the shortfall that remains between them; late rounds, in which a path slides along a zone, do so as
+well.  The lowest-cost clear solution is kept.  The rounds of exact contacts are extrapolated.   # theory 4
 """
 
 from math import inf
@@ -15,27 +15,31 @@ from numba import float64, int64, types
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.kernel_loans import Lent, borrowed, lent, stack_matrix
-from closeform.planning.energy.optimality import newton
-from closeform.planning.energy.quadratic_program import solve_qp
+from closeform.kernel_loans import Lent, borrowed, lent
+from closeform.motion.linear import solve
+from closeform.planning.energy.plane_program import ALONE, fill_gaps, solve_planes
 from closeform.planning.problem.approaches import find_minima, sample_craft, spread
-from closeform.planning.problem.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
+from closeform.planning.problem.contacts import (
+    SIDES,
+    add_fresh,
+    copy_contacts,
+    join_equal,
+    next_contacts,
+    slide_all,
+)
 from closeform.planning.problem.deflection import deflect, fill_factors, fill_gram
-from closeform.planning.problem.relative_motion import relative_motion
 from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, NUMBERS, ROWS, SCENE, Contacts, Scene
 
 ROUNDS, HOPELESS = 60, 15  # maximum rounds, in total and without progress towards clear paths
-SOFT, FADE = 1e-2, 0.3  # initial softness of contacts, and its decay per round, while normals turn
-CLOSE = 0.05  # change of normals and times in a round below which Newton's method is tried
+SOFT, FADE = 1e-2, 0.1  # initial softness of contacts, and its decay per round, while normals turn
 NEARLY = 1e-2  # shortfall, in zones, up to which planes are raised
-ENOUGH, STEADY = 1e-6, 1e-6  # depth and relative change of energy at which rounds end
+ENOUGH, STEADY = 1e-5, 1e-6  # shortfall and relative change of energy at which rounds end
+LATE = 12  # rounds after which each is a candidate: the energy of a path that slides hardly settles
 RAISES = 4
-GIVEN_UP = 1.5  # times the energy to beat
-PACE = 10  # rounds at the last rate of progress, within which the energy must reach the bar
-TOO_FAR = 1e5  # displacement in zones by one contact: more is an incompatible set
-LEFT = 1e-9  # accepted shortfall of Newton's method
-HUGGING = 16  # contacts for each craft, beyond which paths slide along zones
-BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # status; optimal: the conditions of optimality hold to rounding
+MEMORY, ALIKE = 6, 1e-12  # rounds of an extrapolation, and regularisation of equal ones
+STEP = 3e-3  # of windows and normals: maximum change of exact contacts in a round
+GIVEN_UP = 2.0  # times the energy to beat, after the first round, which is costly at exits
+PACE = 3  # rounds at the last rate of change, within which the energy must reach the bar
 
 
 class Bodies(NamedTuple):
@@ -49,12 +53,9 @@ class Bodies(NamedTuple):
 class Workspace(NamedTuple):
     """Arrays of the local solver: its samples, K contacts, their compliance and the paths."""
 
-    states: Floats
-    places: Floats
-    speeds: Floats
+    samples: Bodies
     slid: Contacts
     following: Contacts
-    trial: Contacts
     hand: Contacts
     best: Contacts
     factors: Floats
@@ -70,15 +71,12 @@ class Workspace(NamedTuple):
         """Return an empty workspace for `count` contacts."""
         bodies, samples, (rows, width) = len(scene.states), len(scene.times), scene.room
         return cls(
-            np.empty((bodies, samples, 6)),
-            np.empty((bodies, 3, samples)),
-            np.empty(bodies),
+            Bodies(np.empty((bodies, samples, 6)), np.empty((bodies, 3, samples)), np.empty(bodies)),
             Contacts.none(count),
             Contacts.none(count),
             Contacts.none(count),
             Contacts.none(count),
-            Contacts.none(count),
-            np.empty((count, 2, 4, 3, 6)),
+            np.empty((count, 2, 2, 3, 6)),
             np.empty((count, count)),
             np.empty((count, count)),
             np.empty(count),
@@ -89,36 +87,12 @@ class Workspace(NamedTuple):
 
 
 FACTORS = float64[:, :, :, :, ::1]
+BODIES = types.NamedTuple((BLOCKS, BLOCKS, NUMBERS), Bodies)
 WORKSPACE = Lent(
     types.NamedTuple(
-        (
-            *(BLOCKS, BLOCKS, NUMBERS, *(CONTACTS.of,) * 5, FACTORS),
-            *(ROWS, ROWS, NUMBERS, ROWS, ROWS, INDICES),
-        ),
-        Workspace,
+        (BODIES, *(CONTACTS.of,) * 4, FACTORS, ROWS, ROWS, NUMBERS, ROWS, ROWS, INDICES), Workspace
     )
 )
-
-
-@kernel()
-def solve_multipliers(scene, contacts, count, gram, gaps, lift, give, work):
-    """Fill the multipliers that keep the paths `lift` times the aim away; return their energy.
-
-    Returns inf for incompatible contacts, whose forces grow without bound.
-    """
-    active, target = np.empty(count, dtype=np.bool_), np.empty(count)
-    for k in range(count):
-        active[k] = contacts.multipliers[k] > 0.0
-        target[k] = gaps[k] + (lift - 1.0) * scene.aims[scene.kinds[contacts.which[k]]]
-    solve_qp(gram, target, count, active, give, work, contacts.multipliers)
-    energy = 0.0
-    for k in range(count):
-        push = contacts.multipliers[k]
-        if not push * gram[k, k] < TOO_FAR:
-            return inf
-        for m in range(count):
-            energy += 0.5 * push * gram[k, m] * contacts.multipliers[m]
-    return energy if energy >= 0.0 else inf
 
 
 @kernel()
@@ -139,25 +113,13 @@ def look(scene, arcs, offsets, contacts, count, samples, found):
 
 
 @kernel()
-def fill_gaps(scene, contacts, count, gaps):
-    """Fill the shortfalls of the unconstrained paths below the aim along the contacts' normals."""
-    motion = stack_matrix(3, 3)
-    for k in range(count):
-        which, t = contacts.which[k], contacts.times[k]
-        relative_motion(scene, scene.direct, scene.direct_offsets, which, t, motion)
-        gaps[k] = scene.aims[scene.kinds[which]]
-        for i in range(3):
-            gaps[k] -= contacts.normals[k, i] * motion[0, i]
-
-
-@kernel()
 def raise_planes(scene, contacts, count, short, gram, gaps, work, factors, paths, samples, found):
     """Raise the planes at fixed contacts until the paths are clear; return the energy, or inf."""
     arcs, offsets = paths
     lift = 1.0
     for _ in range(RAISES):
         lift += 1.5 * short + 1e-11
-        energy = solve_multipliers(scene, contacts, count, gram, gaps, lift, 0.0, work)
+        energy = solve_planes(scene, contacts, count, gram, gaps, lift, 0.0, ALONE, work)
         if energy == inf:
             return inf
         deflect(scene, contacts, count, factors, arcs, offsets)
@@ -170,31 +132,60 @@ def raise_planes(scene, contacts, count, short, gram, gaps, work, factors, paths
 
 
 @kernel()
-def polish(scene, contacts, count, factors, gram, paths, samples, found):
-    """Solve the conditions of optimality from the contacts; return the energy, or inf on failure."""
-    arcs, offsets = paths
-    if not newton(scene, contacts, count, factors, arcs, offsets):
-        return inf
-    if shortfall(found, look(scene, arcs, offsets, contacts, count, samples, found)) > LEFT:
-        return inf
-    fill_gram(scene, contacts, count, factors, gram)
-    energy = 0.0
-    for k in range(count):
-        for m in range(count):
-            energy += 0.5 * contacts.multipliers[k] * gram[k, m] * contacts.multipliers[m]
-    return energy
+def extrapolate(scene, contacts, count, following, images, changes, turn):
+    """Replace the contacts of the next round by extrapolations of the last rounds (Anderson 1965).
 
-
-@kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, int64, float64, WORKSPACE))
-def solve_local(scene, sides, count, bar, room):
-    """Relax the first `count` contacts in `hand` and new ones; return (status, contacts, energy).
-
-    Fills `best` with the contacts of the lowest-cost clear solution, or for BLOCKED with the last contacts.
-    Stops where the energy is well above `bar` when nearly clear.
+    Rows of `images` and `changes` (MEMORY, 4 K) hold the next contacts of a round, and the difference from
+    its own; `turn` is the number of rounds since the contacts were others.
     """
-    best, contacts = lent(room.best), lent(room.hand)
-    samples = lent(Bodies(room.states, room.places, room.speeds))
-    slid, following, trial = lent(room.slid), lent(room.following), lent(room.trial)
+    here, size, known = turn % MEMORY, 4 * count, min(turn, MEMORY - 1)
+    for k in range(count):
+        which = contacts.which[k]
+        span = scene.windows[which, 1] - scene.windows[which, 0]
+        images[here, 4 * k] = following.times[k] / span
+        changes[here, 4 * k] = (following.times[k] - contacts.times[k]) / span
+        for i in range(3):
+            images[here, 4 * k + 1 + i] = following.normals[k, i]
+            changes[here, 4 * k + 1 + i] = following.normals[k, i] - contacts.normals[k, i]
+    matrix, shares = np.zeros((MEMORY, MEMORY)), np.zeros(MEMORY)
+    for a in range(known):
+        one = (turn - 1 - a) % MEMORY
+        for j in range(size):
+            apart = changes[here, j] - changes[one, j]
+            shares[a] += apart * changes[here, j]
+            for b in range(known):
+                matrix[a, b] += apart * (changes[here, j] - changes[(turn - 1 - b) % MEMORY, j])
+    for a in range(known):
+        matrix[a, a] *= 1.0 + ALIKE
+        if not matrix[a, a] > 0.0:
+            return
+    solve(matrix, shares, known)
+    farthest, step = 0.0, np.empty(size)
+    for j in range(size):
+        step[j] = changes[here, j]
+        for a in range(known):
+            step[j] -= shares[a] * (images[here, j] - images[(turn - 1 - a) % MEMORY, j])
+        farthest = max(farthest, abs(step[j]))
+    share = min(1.0, STEP / farthest) if farthest > 0.0 else 1.0
+    for k in range(count):
+        which = contacts.which[k]
+        start, end = scene.windows[which, 0], scene.windows[which, 1]
+        time = contacts.times[k] + share * step[4 * k] * (end - start)
+        following.times[k] = min(max(time, start), end)
+        for i in range(3):
+            following.normals[k, i] = contacts.normals[k, i] + share * step[4 * k + 1 + i]
+
+
+@kernel(types.Tuple((int64, float64))(SCENE, SIDES, int64, float64, float64, float64, WORKSPACE))
+def solve_local(scene, sides, count, bar, soft, accuracy, room):
+    """Relax the first `count` contacts in `hand` and new ones; return the number of contacts, and the energy.
+
+    Fills `best` with the contacts of the lowest-cost clear solution, or else with the last contacts, for
+    which the energy is inf.  Planes have initial softness `soft`.  Rounds end where the energy is steady and
+    contacts move by at most `accuracy`, or where the energy stays above `bar`.
+    """
+    best, contacts, samples = lent(room.best), lent(room.hand), lent(room.samples)
+    slid, following = lent(room.slid), lent(room.following)
     factors, gram, work = borrowed(room.factors), borrowed(room.gram), borrowed(room.work)
     gaps, found = borrowed(room.gaps), borrowed(room.found)
     arcs, offsets = borrowed(room.arcs), borrowed(room.offsets)
@@ -205,52 +196,53 @@ def solve_local(scene, sides, count, bar, room):
             for i in range(6):
                 samples.states[body, k, i] = scene.states[body, k, i]
     kept, least_energy = 0, inf
-    before, close, least, latest, closing = inf, CLOSE, inf, 0, False
+    before, least, latest, alike = inf, inf, 0, 0
+    size = 4 * len(gaps) if accuracy < inf else 0
+    images, changes = np.empty((MEMORY, size)), np.empty((MEMORY, size))
     for turn in range(ROUNDS):
         fill_factors(scene, contacts, count, factors)
         fill_gram(scene, contacts, count, factors, gram)
         fill_gaps(scene, contacts, count, gaps)
-        energy = solve_multipliers(scene, contacts, count, gram, gaps, 1.0, SOFT * FADE**turn, work)
+        energy = solve_planes(scene, contacts, count, gram, gaps, 1.0, soft * FADE**turn, ALONE, work)
         if energy == inf:
-            solve_multipliers(scene, contacts, count, gram, gaps, 1.0, SOFT, work)
+            solve_planes(scene, contacts, count, gram, gaps, 1.0, SOFT, ALONE, work)
         deflect(scene, contacts, count, factors, arcs, offsets)
         moved = slide_all(scene, arcs, offsets, contacts, count, slid)
         number = look(scene, arcs, offsets, contacts, count, samples, found)
         short = shortfall(found, number)
-        settled = next_contacts(scene, arcs, offsets, contacts, count, slid, trial, following)
+        if accuracy < inf:
+            join_equal(scene, contacts, count, slid)
+            settled = copy_contacts(slid, count, following)
+        else:
+            settled = next_contacts(scene, arcs, offsets, contacts, count, slid, following)
         total = add_fresh(scene, sides, arcs, offsets, found, number, following, settled)
         if short < max(least, NEARLY):
             least, latest = short, turn
         elif turn - latest > HOPELESS:
             break
         if short < NEARLY:
-            if energy > GIVEN_UP * bar:
+            if (turn > 0 and energy > GIVEN_UP * bar) or energy - bar > PACE * abs(before - energy):
                 break
-            if total == settled and (moved < close or closing):
-                copy_contacts(following, settled, trial)
-                polished = polish(scene, trial, settled, factors, gram, paths, samples, found)
-                if polished < inf and polished <= least_energy * (1.0 + STEADY):  # exact contacts
-                    return OPTIMAL, copy_contacts(trial, settled, best), polished
-                if polished < inf:
-                    return CLEAR, kept, least_energy
-                fill_factors(scene, contacts, count, factors)
-                fill_gram(scene, contacts, count, factors, gram)
-                close = 0.5 * moved
-            energy = raise_planes(
-                scene, contacts, count, short, gram, gaps, work, factors, paths, samples, found
-            )
-            if energy < least_energy:
-                kept, least_energy = copy_contacts(contacts, count, best), energy
-            if least_energy < inf and energy - bar > PACE * (before - energy) and before < inf:
-                return CLEAR, kept, least_energy
-            steady = energy == inf or abs(energy - before) <= STEADY * energy
-            if least_energy < inf and short < ENOUGH and steady:
-                if closing or settled > HUGGING * len(scene.base):
-                    return CLEAR, kept, least_energy
-                closing = True  # finish with Newton's method, even if contacts still move
+            steady = short < ENOUGH and abs(energy - before) <= STEADY * energy and moved <= accuracy
             before = energy
+            if steady or turn >= LATE:
+                energy = raise_planes(
+                    scene, contacts, count, short, gram, gaps, work, factors, paths, samples, found
+                )
+                if energy < least_energy:
+                    kept, least_energy = copy_contacts(contacts, count, best), energy
+                if steady and least_energy < inf:
+                    break
+        same = total == count
+        for k in range(min(count, total)):
+            same = same and following.which[k] == contacts.which[k]
+        if accuracy < inf and same:
+            extrapolate(scene, contacts, count, following, images, changes, alike)
+            alike += 1
+        else:
+            alike = 0
         contacts, following = following, contacts
         count = total
-    if least_energy < inf:
-        return CLEAR, kept, least_energy
-    return BLOCKED, copy_contacts(contacts, count, best), inf
+    if least_energy == inf:
+        kept = copy_contacts(contacts, count, best)
+    return kept, least_energy

@@ -1,8 +1,8 @@
 """Search over passing sides: the side of every zone on which the paths pass, and the stopping rules."""
 
 import heapq
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from math import inf
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.planning.energy.exit_directions import exit_normals
 from closeform.planning.energy.local_solver import LocalSolver, Solution, shifted
-from closeform.planning.energy.side_costs import Turn, turned_energies
 from closeform.planning.problem.contacts import Sides
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
@@ -21,9 +20,9 @@ DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are chosen by shi
 FEW = 6  # pairs in contact up to which every exit of a contact is examined
 BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # (pairs, maximum candidates); else one
 PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one that end the search
-EDGED = 2  # factor of the candidates where zones have edges, with many local optima
+EDGED = 3  # factor of the candidates where zones have edges, with many local optima
 MORE = 24  # additional candidates where none is clear
-SIMILAR = 1e-7  # relative saving by which a solution counts as better
+SIMILAR = 1e-5  # relative saving by which a solution counts as better
 DRAWN = 4  # every DRAWN-th candidate begins with random sides, for diversity
 ALIKE = 0.1  # of the window and of a normal: closer starts are examined once
 ANOTHER = -0.5  # cosine of the angle between two normals below which they are different sides
@@ -58,9 +57,8 @@ class Search:
         self.best: Solution | None = None
         self.proven = False
         self.seen: list[Solution] = []
-        self.unranked: list[Solution] = []  # whose other sides are not in the queue yet
-        self.queue: list[tuple[float, int, Turn]] = []
-        self.queued = 0
+        self.queue: list[tuple[float, int, Contacts, int, Floats]] = []  # cost, order, arguments of `turned`
+        self.order = count()
         self.starts: set[Any] = set()
         self.alone = False  # one conflict: every exit is examined
         self.first: Solution | None = None
@@ -85,11 +83,9 @@ class Search:
             if self.best is not None and self.tried - improved >= patience:
                 break
             before = self.best
-            while self.unranked:
-                self.push_turns(self.unranked.pop())
             if self.queue and (self.alone or self.tried % DRAWN):
-                _, _, turn = heapq.heappop(self.queue)
-                if self.is_new(start := turn.start):
+                _, _, contacts, k, side = heapq.heappop(self.queue)
+                if self.is_new(start := turned(contacts, k, side)):
                     self.examine(start, self.nearby)
             elif self.best is not None and (self.alone or (few and not self.queue)):
                 break
@@ -99,6 +95,7 @@ class Search:
             improved = improved if self.best is before else self.tried
         best = self.best or self.first
         assert best is not None  # a budget is at least one candidate
+        best = self.solver.settled(best) if best.clear else best
         return Found(best, self.solver.margin, self.proven, self.tried)
 
     def allowed(self, pairs: int) -> tuple[int, float]:
@@ -107,17 +104,16 @@ class Search:
         patience: float = PATIENCE_FEW if pairs <= FEW else PATIENCE_MANY
         if self.problem.count == 1:
             patience = PATIENCE_ONE
-        if pairs > FEW and not self.problem.round:
+        if self.problem.count > 1 and not self.problem.round:
             budget, patience = EDGED * budget, EDGED * patience
         if self.budget is not None:
             return self.budget, inf
         return (budget + MORE, inf) if self.more else (budget, patience)
 
     def examine(self, start: Contacts, sides: Sides) -> Solution:
-        """Solve from a start; keep a better solution, and note those with other sides to examine."""
+        """Solve from a start; keep a better solution, and queue the other sides of each."""
         bar = self.best.energy if self.best is not None else inf
-        blunt = self.tried % 2 if self.problem.count > 1 else 0
-        solution = self.solver.solve(start, sides, bar, blunt)
+        solution = self.solver.solve(start, sides, bar)
         self.tried += 1
         self.first = self.first or solution
         if solution.clear and not any(solution.same(other) for other in self.seen):
@@ -126,13 +122,12 @@ class Search:
                 self.best = solution
                 self.proven = self.solver.proven(solution)
             if not self.proven and not (self.alone and solution.contacts.number == 1):
-                self.unranked.append(solution)
+                self.push_turns(solution)
         return solution
 
-    def push(self, cost: float, turn: Turn) -> None:
+    def push(self, cost: float, contacts: Contacts, k: int, side: Floats) -> None:
         """Add a start to the queue; of those with equal costs, the earlier comes first."""
-        self.queued += 1
-        heapq.heappush(self.queue, (cost, self.queued, turn))
+        heapq.heappush(self.queue, (cost, next(self.order), contacts, k, side))
 
     def is_new(self, start: Contacts) -> bool:
         """Return whether no similar start was examined before."""
@@ -149,28 +144,27 @@ class Search:
         contact = self.clipped(self.problem.at(pair, conflict[2]))
         motions, compliance = self.problem.unconstrained(contact)
         for cost, normal in self.ways_out(contact, motions[0], compliance):
-            self.push(cost, Turn(contact, 0, normal))
+            self.push(cost, contact, 0, normal)
 
     def push_turns(self, solution: Solution) -> None:
-        """Queue each contact's pair on its other sides, with the other contacts unchanged."""
-        contacts = solution.contacts
-        turns = [Turn(contacts, k, -contacts.normals[k]) for k in range(contacts.number)]
-        if len(np.unique(contacts.which)) <= FEW:
-            turns = [turn for k in range(contacts.number) for turn in self.turns_of(solution, k)]
-        energies = turned_energies(self.problem, self.solver.margin, turns)
-        for turn, energy in zip(turns, energies, strict=True):
-            self.push(energy, turn)
+        """Queue each contact's pair on its other sides, with the other contacts unchanged.
 
-    def turns_of(self, solution: Solution, k: int) -> Iterator[Turn]:
-        """Yield the exits of a contact's zone from its pair's position without the contact."""
+        The exits are those from the pair's position without the contact; of many pairs, only the cheapest.
+        """
         contacts = solution.contacts
-        one, normal = contacts.some([k]), contacts.normals[k]
-        motion = self.problem.motions(solution.trajectories, one)[0]
-        compliance = self.problem.kernel(one)
-        motion[0] -= contacts.multipliers[k] * compliance @ normal
-        for _, side in self.ways_out(one, motion, compliance):
-            if side @ normal < ANOTHER * np.linalg.norm(side) * np.linalg.norm(normal):
-                yield Turn(contacts, k, side)
+        few = len(np.unique(contacts.which)) <= FEW
+        motions = self.problem.motions(solution.trajectories, contacts)
+        for k in range(contacts.number):
+            one, normal, force = contacts.some([k]), contacts.normals[k], contacts.multipliers[k]
+            compliance = self.problem.kernel(one)
+            moved = force * compliance @ normal
+            motions[k, 0] -= moved
+            others = solution.energy - 0.5 * force * float(normal @ moved)
+            limit = ANOTHER * float(np.linalg.norm(normal))
+            ways = self.ways_out(one, motions[k], compliance)
+            other = [way for way in ways if way[1] @ normal < limit * np.linalg.norm(way[1])]
+            for cost, side in other if few else other[:1]:
+                self.push(others + cost, contacts, k, side)
 
     def ways_out(self, contact: Contacts, motion: Floats, compliance: Floats) -> list[tuple[float, Floats]]:
         """Return exits of a pair's zone at a relative motion: (rough cost, normal)."""
@@ -180,3 +174,10 @@ class Search:
     def clipped(self, contacts: Contacts) -> Contacts:
         """Return contacts within the windows of their pairs."""
         return contacts._replace(times=np.clip(contacts.times, *self.problem.windows[0][contacts.which].T))
+
+
+def turned(contacts: Contacts, k: int, side: Floats) -> Contacts:
+    """Return contacts with the k-th contact's pair on another side; that pair has no other contacts."""
+    alone = contacts.number == 1
+    one = (contacts if alone else contacts.some([k]))._replace(normals=side[None], multipliers=np.ones(1))
+    return one if alone else contacts.some(contacts.which != contacts.which[k]).joined(one)

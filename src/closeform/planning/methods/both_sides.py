@@ -5,7 +5,7 @@ import numpy as np
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.planning.energy.local_solver import Solution, nearer
-from closeform.planning.energy.side_search import MARGINS, Search
+from closeform.planning.energy.side_search import MARGINS, Search, turned
 from closeform.planning.infeasible_ends import end_conflict
 from closeform.planning.problem.problem import Problem, deepest, transfer_of
 from closeform.zones.zone import Zone
@@ -25,10 +25,10 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
         return []
     search.push_exits(*deepest(conflicts))
     found: list[Solution] = []
-    for _, _, turn in sorted(search.queue):
-        solution = search.solver.solve(turn.start, nearer(problem))
+    for _, _, contact, k, side in sorted(search.queue, key=lambda one: one[:2]):
+        solution = search.solver.solve(turned(contact, k, side), nearer(problem))
         if solution.clear and solution.contacts.number:
-            found.append(solution)
+            found.append(search.solver.settled(solution))
     found.sort(key=lambda solution: solution.energy)
     other = [one for one in found if _side(one, zone) @ _side(found[0], zone) < 0.0]
     return [problem.path(solution.trajectories)[0] for solution in (*found[:1], *other[:1])]

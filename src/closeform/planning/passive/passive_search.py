@@ -155,7 +155,7 @@ class PassiveSearch:
         planes = self.rounds.shifted(shifts(self.problem, seed) if seed else self.rounds.unshifted)
         relaxed = (self.rounds.walked if walking else self.rounds.relaxed)(planes, bar)
         for _ in range(FINER):
-            solution = Solution(self.problem, relaxed.contacts, relaxed.energy, relaxed.energy < inf, False)
+            solution = Solution(self.problem, relaxed.contacts, relaxed.energy)
             if not relaxed.energy < bar:
                 return solution
             missed = self.missed(solution)
@@ -165,7 +165,7 @@ class PassiveSearch:
             planes, _ = self.rounds.failures(own.arcs, own.offsets, missed.joined(relaxed.contacts))
             again = self.rounds.relaxed(planes, bar, soft=0.0)
             relaxed = again if again.energy < inf else self.rounds.stepped(relaxed.contacts, planes)[0]
-        return Solution(self.problem, relaxed.contacts, inf, False, False)
+        return Solution(self.problem, relaxed.contacts, inf)
 
     def settled(self, best: Solution) -> Solution:
         """Return the certified solution of the descent from the best paths."""
@@ -173,7 +173,7 @@ class PassiveSearch:
             return best
         relaxed = settled(self.rounds, Relaxed(best.contacts, best.energy))
         for turn in range(FINER):
-            solution = Solution(self.problem, relaxed.contacts, relaxed.energy, True, False)
+            solution = Solution(self.problem, relaxed.contacts, relaxed.energy)
             if not relaxed.energy < best.energy:
                 break
             missed = self.missed(solution)

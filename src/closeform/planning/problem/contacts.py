@@ -139,7 +139,20 @@ def slide_all(scene, arcs, offsets, contacts, count, slid):
 
 
 @kernel()
-def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
+def join_equal(scene, contacts, count, slid):
+    """Let one of two contacts of a pair that are close, and stay close when they slide, have both forces."""
+    for k in range(count):
+        for m in range(k):
+            which = contacts.which[k]
+            same = SAME * (scene.windows[which, 1] - scene.windows[which, 0])
+            near = abs(contacts.times[k] - contacts.times[m]) < same
+            if which == contacts.which[m] and near and abs(slid.times[k] - slid.times[m]) < same:
+                slid.multipliers[k] += slid.multipliers[m]
+                slid.multipliers[m] = 0.0
+
+
+@kernel()
+def next_contacts(scene, arcs, offsets, contacts, count, slid, following):
     """Fill the contacts of the next round: the new instants, and old instants that are far from them."""
     motion = stack_matrix(3, 3)
     total = 0
@@ -151,9 +164,9 @@ def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following
         span = scene.windows[which, 1] - scene.windows[which, 0]
         if contacts.multipliers[k] > 0.0 and abs(slid.times[k] - t) > SAME * span:
             relative_motion(scene, arcs, offsets, which, t, motion)
-            copy_contact(contacts, k, turned, 0)
-            turn_normal(scene, which, motion, turned.normals[0])
-            total = merge(scene, turned, 0, following, total)
+            copy_contact(contacts, k, slid, k)
+            turn_normal(scene, which, motion, slid.normals[k])
+            total = merge(scene, slid, k, following, total)
     return total
 
 

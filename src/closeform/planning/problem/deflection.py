@@ -10,16 +10,12 @@ change of these by the force; F(T) is the response of the whole state at the end
 thrust rate.  No Gramian is inverted in Palmer's coordinates, so there is no cancellation as n T -> 0.
 
 A contact of craft i and j pushes both with one force, opposite in sign.  The response of one contact to
-another is therefore a signed sum over the craft that they share.  Each contact stores A, A', B^T and B'^T
-in its zone's coordinates for either craft: `factors` (2, 4, 3, 6).
+another is therefore a signed sum over the craft that they share.  Each contact stores A and B^T in its
+zone's coordinates for either craft: `factors` (2, 2, 3, 6).
 
 After a loss of thrust at s a craft responds at t through its state at s, followed by natural motion:
 
     A = E Phi(t, s) [A(s); A'(s)],    B^T = E Phi(t, s) [B(s)^T; B'(s)^T]                      # theory (71)
-
-In Hill's equations B = -F(T)^-1 F(T - s) J with J = Phi(s - t) [0 I]^T, the force's jump of thrust rate
-propagated back to s by natural motion like any primer; at s the thrust itself jumps as well.  A' is then the
-rate in t alone, and B' has no meaning.
 """
 
 from typing import Any
@@ -34,11 +30,18 @@ from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, primer_
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
 from closeform.planning.problem.natural_motion import state_after
-from closeform.planning.problem.pieces import add_force, deflect_pieces, felt_at, fill_responses
+from closeform.planning.problem.pieces import (
+    acting,
+    add_force,
+    deflect_pieces,
+    felt_at,
+    fill_piece_responses,
+    force_of,
+)
 from closeform.planning.problem.relative_motion import motion_after
 from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
-PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T
+PLACE, FORCE = 0, 1  # of the factors: A and B^T
 
 
 @kernel(void(ROWS, BLOCKS))
@@ -62,55 +65,15 @@ def is_controllable(scene, body, t):
 
 
 @kernel()
-def carry(n, drift, ahead, left):
-    """Transform the responses for a contact that occurs a `drift` after the loss of thrust.
-
-    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (71)
-    """
-    jumps = stack_matrix(3, 6)
-    for i in range(3):
-        jump = coast(
-            n, -drift, 0.0, 0.0, 0.0, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
-        )
-        for j in range(6):
-            jumps[i, j] = jump[j]
-    for k in range(6):
-        reached = coast(
-            n, drift, ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k]
-        )
-        x, y, z = 0.0, 0.0, 0.0
-        for j in range(6):
-            ahead[j, k] = reached[j]
-            x, y, z = x + left[k, j] * jumps[0, j], y + left[k, j] * jumps[1, j], z + left[k, j] * jumps[2, j]
-        left[k, 3], left[k, 4], left[k, 5] = x, y, z
-
-
-@kernel()
-def carry_states(scene, s, t, out):
-    """Carry the responses (4, 3, 6) of a craft's state at a loss of thrust at s to time t, theory (71)."""
-    state = stack_vector(6)
-    for part in (PLACE, BACK):
-        for j in range(6):
-            for i in range(3):
-                state[i], state[3 + i] = out[part, i, j], out[part + 1, i, j]
-            state_after(scene, s, t, state)
-            for i in range(3):
-                out[part, i, j], out[part + 1, i, j] = state[i], state[3 + i]
-
-
-@kernel()
-def fill_hill_responses(scene, body, t, drift, ahead, left, out):
-    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, a `drift` after it; in metres."""
+def fill_hill_responses(scene, body, t, ahead, left, out):
+    """Fill `out` (2, 6, 6) with the states of A and of B^T of a craft at time t."""
     n = scene.base[body, MEAN_MOTION]
     response(n, t - scene.base[body, START], ahead)
     response(n, scene.base[body, END] - t, left)
-    if drift > 0.0:
-        carry(n, drift, ahead, left)
     inverse = scene.inverses[body]
     for j in range(6):
         for i in range(3):
-            out[PLACE, i, j] = ahead[i, j]
-            out[SPEED, i, j] = ahead[3 + i, j]
+            out[PLACE, i, j], out[PLACE, 3 + i, j] = ahead[i, j], ahead[3 + i, j]
             total, slope = 0.0, 0.0
             for h in range(6):  # F_w, and its rate in the time that is left
                 rate = left[h, i]
@@ -120,15 +83,14 @@ def fill_hill_responses(scene, body, t, drift, ahead, left, out):
                     rate += 2.0 * n * left[h, 3]
                 total -= inverse[j, h] * left[h, 3 + i]
                 slope += inverse[j, h] * rate
-            out[BACK, i, j] = total
-            out[BACK + 1, i, j] = slope
+            out[FORCE, i, j], out[FORCE, 3 + i, j] = total, slope
 
 
 @kernel()
 def fill_factors(scene, contacts, count, factors):
-    """Fill the factors (count, 2, 4, 3, 6) of contacts; zero for bodies that are not controllable."""
-    ahead, left = stack_matrix(6, 6), stack_matrix(6, 6)
-    both = np.empty((4, 3, 6))
+    """Fill the factors (count, 2, 2, 3, 6) of contacts; zero for bodies that are not controllable."""
+    ahead, left, state = stack_matrix(6, 6), stack_matrix(6, 6), stack_vector(6)
+    states = np.empty((2, 6, 6))
     for k in range(count):
         which = contacts.which[k]
         matrix = scene.matrices[scene.kinds[which]]
@@ -139,18 +101,19 @@ def fill_factors(scene, contacts, count, factors):
                 factors[k, side] = 0.0
                 continue
             if len(scene.clock) > 0:
-                fill_responses(scene, body, t, both)
-                if drift > 0.0:
-                    carry_states(scene, t, contacts.times[k], both)
+                fill_piece_responses(scene, body, t, states)
             else:
-                fill_hill_responses(scene, body, t, drift, ahead, left, both)
-            for part in range(4):
-                for i in range(3):
-                    for j in range(6):
-                        total = 0.0
-                        for h in range(3):
-                            total += matrix[i, h] * both[part, h, j]
-                        factors[k, side, part, i, j] = total
+                fill_hill_responses(scene, body, t, ahead, left, states)
+            for part in range(2):
+                for j in range(6):
+                    for i in range(6):
+                        state[i] = states[part, i, j]
+                    if drift > 0.0:
+                        state_after(scene, t, contacts.times[k], state)
+                    for i in range(3):
+                        factors[k, side, part, i, j] = (
+                            matrix[i, 0] * state[0] + matrix[i, 1] * state[1] + matrix[i, 2] * state[2]
+                        )
 
 
 @kernel()
@@ -162,7 +125,7 @@ def fill_gram(scene, contacts, count, factors, gram):
             for j in range(6):
                 for i in range(3):
                     ahead[k, side, j] += contacts.normals[k, i] * factors[k, side, PLACE, i, j]
-                    back[k, side, j] += contacts.normals[k, i] * factors[k, side, BACK, i, j]
+                    back[k, side, j] += contacts.normals[k, i] * factors[k, side, FORCE, i, j]
     for k in range(count):
         for m in range(k + 1):
             total = 0.0
@@ -182,11 +145,8 @@ def fill_gram(scene, contacts, count, factors, gram):
 
 
 @kernel()
-def add_block(scene, contacts, factors, k, m, of, by, out):
-    """Fill `out` (3, 3): response of the position (`of` 0) or velocity (1) at k to a force at contact m.
-
-    With `by` 1 it is the derivative of the response with respect to the time of m.
-    """
+def fill_block(scene, contacts, factors, k, m, out):
+    """Fill `out` (3, 3) with the response of the position at contact k to a force at contact m."""
     out[:] = 0.0
     for a in range(2):
         for b in range(2):
@@ -194,7 +154,7 @@ def add_block(scene, contacts, factors, k, m, of, by, out):
                 continue
             sign = 1.0 if a == b else -1.0
             ahead = contacts.times[k] - contacts.drifts[k, a] <= contacts.times[m] - contacts.drifts[m, b]
-            mine, other = (of, BACK + by) if ahead else (BACK + of, by)
+            mine, other = (PLACE, FORCE) if ahead else (FORCE, PLACE)
             for i in range(3):
                 for j in range(3):
                     total = 0.0
@@ -228,38 +188,21 @@ def deflect_arcs(scene, contacts, count, factors, arcs, offsets):
     A craft has one arc more than contacts that act on it, and the coasts before and after its own time.
     """
     row = 0
-    own, push = np.empty(count, dtype=np.int64), stack_vector(3)
+    own, sides, push = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64), stack_vector(3)
     for c in range(len(scene.base)):
         offsets[c] = row
-        n, start, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
-        if scene.span[0] < start:
+        n, begin, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
+        if scene.span[0] < begin:
             b = scene.base[c]
-            back = coast(n, scene.span[0] - start, b[6], b[7], b[8], b[9], b[10], b[11])
-            coast_arc(n, scene.span[0], start, back, arcs[row])
+            back = coast(n, scene.span[0] - begin, b[6], b[7], b[8], b[9], b[10], b[11])
+            coast_arc(n, scene.span[0], begin, back, arcs[row])
             row += 1
         copy(scene.base[c], arcs[row])
-        pushed = 0
-        for k in range(count):
-            which = contacts.which[k]
-            for side in range(2):
-                if (
-                    scene.pairs[which, side] == c
-                    and contacts.multipliers[k] != 0.0
-                    and is_controllable(scene, c, felt_at(scene, contacts, k, c))
-                ):
-                    force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
-                    for i in range(3):
-                        for j in range(6):
-                            arcs[row, THRUST + j] += (
-                                force * contacts.normals[k, i] * factors[k, side, BACK, i, j]
-                            )
-                    place = pushed  # in order of time
-                    felt = felt_at(scene, contacts, k, c)
-                    while place > 0 and felt_at(scene, contacts, own[place - 1], c) > felt:
-                        own[place] = own[place - 1]
-                        place -= 1
-                    own[place] = k
-                    pushed += 1
+        pushed = acting(scene, contacts, count, c, own, sides)
+        for place in range(pushed):
+            k, side = own[place], sides[place]
+            start = arcs[row, THRUST : THRUST + 6]
+            add_force(force_of(contacts, k, side), contacts.normals[k], factors[k, side, FORCE], start)
         for place in range(pushed):
             k = own[place]
             t, which = felt_at(scene, contacts, k, c), contacts.which[k]
@@ -271,7 +214,7 @@ def deflect_arcs(scene, contacts, count, factors, arcs, offsets):
                 for i in range(6):
                     arcs[row + 1, STATE + i], arcs[row + 1, THRUST + i] = state[i], primer[i]
                 row += 1
-            force = contacts.multipliers[k] if scene.pairs[which, 0] == c else -contacts.multipliers[k]
+            force = force_of(contacts, k, sides[place])
             matrix, normal = scene.matrices[scene.kinds[which]], contacts.normals[k]
             for j in range(3):
                 push[j] = force * (
@@ -296,7 +239,7 @@ def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
 @kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
 def deflected_arcs(scene, contacts, arcs, offsets):
     """Fill the paths of `deflect` for Python; return the number of arcs."""
-    factors = np.empty((len(contacts.times), 2, 4, 3, 6))
+    factors = np.empty((len(contacts.times), 2, 2, 3, 6))
     fill_factors(scene, contacts, len(contacts.times), factors)
     deflect(scene, contacts, len(contacts.times), factors, arcs, offsets)
     return offsets[len(scene.base)]
@@ -306,15 +249,14 @@ def deflected_arcs(scene, contacts, arcs, offsets):
 def fill_changes(scene, contacts, out):
     """Fill the changes (N, 6) of all craft's initial thrust and thrust rate under contacts."""
     count = len(contacts.times)
-    factors = np.empty((count, 2, 4, 3, 6))
+    factors = np.empty((count, 2, 2, 3, 6))
     fill_factors(scene, contacts, count, factors)
+    own, sides = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
     out[:] = 0.0
-    for k in range(count):
-        for side in range(2):
-            craft = scene.pairs[contacts.which[k], side]
-            if is_controllable(scene, craft, felt_at(scene, contacts, k, craft)):
-                force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
-                add_force(force, contacts.normals[k], factors[k, side, BACK], out[craft])
+    for c in range(len(scene.base)):
+        for place in range(acting(scene, contacts, count, c, own, sides)):
+            k, side = own[place], sides[place]
+            add_force(force_of(contacts, k, side), contacts.normals[k], factors[k, side, FORCE], out[c])
 
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, ROWS))
@@ -329,11 +271,11 @@ def look_at(scene, arcs, offsets, contacts, motions, gram):
         motion_after(scene, arcs, offsets, which, t, contacts.drifts[k], motions[k])
     if len(gram) == 0:
         return
-    factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
+    factors, block = np.empty((count, 2, 2, 3, 6)), stack_matrix(3, 3)
     fill_factors(scene, contacts, count, factors)
     for k in range(count):
         for m in range(count):
-            add_block(scene, contacts, factors, k, m, 0, 0, block)
+            fill_block(scene, contacts, factors, k, m, block)
             for i in range(3):
                 for j in range(3):
                     gram[3 * k + i, 3 * m + j] = block[i, j]

@@ -106,8 +106,8 @@ def sample_pieces(clock, rows, first, last, times, bases, states):
 
 
 @kernel()
-def fill_responses(scene, body, t, out):
-    """Fill `out` (4, 3, 6) with A, A', B^T and B'^T of a craft at time t, in metres."""
+def fill_piece_responses(scene, body, t, out):
+    """Fill `out` (2, 6, 6) with the states of A and of B^T of a craft at time t."""
     at = locate(scene.spans, scene.unit_offsets[body], scene.unit_offsets[body + 1], t)
     w = stack_matrix(3, 12)
     weigh(scene.clock, scene.spans[at], t, w)
@@ -119,7 +119,7 @@ def fill_responses(scene, body, t, out):
                 for b in range(TERMS):
                     place += w[0, b] * c[TERMS * axis + b]
                     speed += w[1, b] * c[TERMS * axis + b]
-                out[2 * side, axis, j], out[2 * side + 1, axis, j] = place, speed
+                out[side, axis, j], out[side, 3 + axis, j] = place, speed
 
 
 @kernel()
@@ -152,6 +152,34 @@ def felt_at(scene, contacts, k, craft):
 
 
 @kernel()
+def acting(scene, contacts, count, craft, own, sides):
+    """Fill `own` and `sides` with the contacts whose forces act on a craft, by time; return their number.
+
+    A force is positive for the first of a pair (side 0) and negative for the second.
+    """
+    total = 0
+    for k in range(count):
+        t = felt_at(scene, contacts, k, craft)
+        if contacts.multipliers[k] == 0.0 or not scene.base[craft, START] < t < scene.base[craft, END]:
+            continue
+        for side in range(2):
+            if scene.pairs[contacts.which[k], side] == craft:
+                place = total
+                while place > 0 and felt_at(scene, contacts, own[place - 1], craft) > t:
+                    own[place], sides[place] = own[place - 1], sides[place - 1]
+                    place -= 1
+                own[place], sides[place] = k, side
+                total += 1
+    return total
+
+
+@kernel()
+def force_of(contacts, k, side):
+    """Return a contact's force on one side of its pair, along the normal."""
+    return contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+
+
+@kernel()
 def deflect_pieces(scene, contacts, count, factors, rows, offsets):
     """Fill `rows` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers."""
     row = 0
@@ -161,21 +189,10 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
         offsets[c] = row
         ahead[:] = 0.0
         back[:] = 0.0
-        pushed = 0
-        for k in range(count):
-            t = felt_at(scene, contacts, k, c)
-            if contacts.multipliers[k] == 0.0 or not scene.base[c, START] < t < scene.base[c, END]:
-                continue
-            for side in range(2):
-                if scene.pairs[contacts.which[k], side] == c:
-                    force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
-                    add_force(force, contacts.normals[k], factors[k, side, 2], ahead)
-                    place = pushed  # in order of time
-                    while place > 0 and felt_at(scene, contacts, own[place - 1], c) > t:
-                        own[place], sides[place] = own[place - 1], sides[place - 1]
-                        place -= 1
-                    own[place], sides[place] = k, side
-                    pushed += 1
+        pushed = acting(scene, contacts, count, c, own, sides)
+        for place in range(pushed):
+            k, side = own[place], sides[place]
+            add_force(force_of(contacts, k, side), contacts.normals[k], factors[k, side, 1], ahead)
         following = 0
         for at in range(scene.unit_offsets[c], scene.unit_offsets[c + 1]):
             start, end = scene.spans[at, START], scene.spans[at, END]
@@ -186,9 +203,9 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
                     fill_piece(scene, at, start, t, ahead, back, rows[row])
                     row += 1
                     start = t
-                force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+                force = force_of(contacts, k, side)
                 add_force(force, contacts.normals[k], factors[k, side, 0], back)
-                add_force(-force, contacts.normals[k], factors[k, side, 2], ahead)
+                add_force(-force, contacts.normals[k], factors[k, side, 1], ahead)
                 following += 1
                 if following == pushed:
                     ahead[:] = 0.0  # without what rounding leaves

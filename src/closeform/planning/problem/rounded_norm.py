@@ -1,4 +1,4 @@
-"""Norm of a zone with rounded edges: the p-norm of its parts, its gradient and its curvature.
+"""Norm of a zone with rounded edges: the p-norm of its parts, and its gradient.
 
 The norm of a zone is the largest of its parts (see `zones.shapes`).  Passing sides are chosen with the
 p-norm, which has no edges.  Then the power becomes inf, which gives the norm itself, and a path that
@@ -7,13 +7,10 @@ passes an edge touches two parts at the instant when one becomes larger than the
 
 from math import inf
 
-import numpy as np
-
 from closeform._jit import kernel
-from closeform.zones.shapes import BALL, FACES, norm, part, part_count, rank, rate
+from closeform.zones.shapes import BALL, FACES, norm, part, part_count, rate
 
 ON_EDGE = 1e-7  # relative difference of two parts on an edge
-NEAR_EDGE = 1e-4  # the same at the start of Newton's method
 
 
 @kernel()
@@ -70,60 +67,3 @@ def norm_rate(shape, faces, power, motion, work):
         )
     gradient(shape, faces, power, motion, work)
     return work[0] * motion[1, 0] + work[1] * motion[1, 1] + work[2] * motion[1, 2]
-
-
-@kernel()
-def active_parts(shape, faces, power, motion, active, values, gradients):
-    """Fill indices, values and gradients (2, 3) of the smooth parts at a contact; return their number.
-
-    It is one, or on an edge two: the falling and the rising part.  Index -1 is the rounded norm.
-    """
-    x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
-    s = rounded_norm(shape, faces, power, x, y, z)
-    if power < inf and shape != BALL:
-        active[0], values[0] = -1, s
-        gradient(shape, faces, power, motion, gradients[0])
-        return 1
-    slowest, fastest = inf, -inf
-    for k in range(part_count(shape, faces)):
-        value, gx, gy, gz = part(shape, faces, k, x, y, z)
-        if value < s - NEAR_EDGE * abs(s):
-            continue
-        speed = gx * motion[1, 0] + gy * motion[1, 1] + gz * motion[1, 2]
-        for place in range(2):
-            if (speed < slowest) if place == 0 else (speed > fastest):
-                active[place], values[place] = k, value
-                gradients[place, 0], gradients[place, 1], gradients[place, 2] = gx, gy, gz
-        slowest, fastest = min(speed, slowest), max(speed, fastest)
-    return 2 if slowest < 0.0 < fastest else 1
-
-
-@kernel()
-def add_bend(shape, faces, power, motion, active, weights, count, out):
-    """Add to `out` (3, 3) the derivative of the weighted sum of the active parts' gradients by position."""
-    x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
-    s = rounded_norm(shape, faces, power, x, y, z)
-    gradient_of = np.zeros(3)
-    for k in range(part_count(shape, faces)):
-        value, gx, gy, gz = part(shape, faces, k, x, y, z)
-        weight, along = 0.0, 0.0
-        if active[0] < 0 and value > 0.0:
-            weight = weights[0] * (value / s) ** (power - 1.0)
-            along = weight * (power - 1.0) / value
-            gradient_of[0] += weight * gx
-            gradient_of[1] += weight * gy
-            gradient_of[2] += weight * gz
-        for place in range(count):
-            if active[place] == k:
-                weight += weights[place]
-        across = weight / value if rank(shape, k) > 1 and weight != 0.0 else 0.0
-        own = (gx, gy, gz)
-        for i in range(3):
-            if i < rank(shape, k):
-                out[i, i] += across
-            for j in range(3):
-                out[i, j] += (along - across) * own[i] * own[j]
-    if active[0] < 0 and weights[0] != 0.0:
-        for i in range(3):
-            for j in range(3):
-                out[i, j] -= (power - 1.0) / (s * weights[0]) * gradient_of[i] * gradient_of[j]

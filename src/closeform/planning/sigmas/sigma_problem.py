@@ -42,26 +42,16 @@ class Margin:
     sigmas: float
 
     @classmethod
-    def around(cls, path: Path, errors: Any, obstacles: Path, others: Any, sigmas: Any) -> Margin | None:
-        """Return the margin of one craft and obstacles from the arguments of `avoid`; None without errors.
+    def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
+        """Return the margin of craft and obstacles from the errors of craft, or of all; None without errors.
 
         Raises ValueError for errors of another type or number, or sigmas that are not a finite number.
         """
-        own = one_for_each("errors", errors, len(path.offsets) - 1)
-        return cls._of(own + one_for_each("other_errors", others, len(obstacles.offsets) - 1), sigmas)
-
-    @classmethod
-    def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
-        """Return the margin of many craft and obstacles from `reconfigure`'s arguments; raise as `around`."""
         bodies = count + obstacles
         craft_only = isinstance(errors, list | tuple) and len(errors) != bodies
         given = one_for_each("errors", errors, count if craft_only else bodies)
-        return cls._of(given + [None] * (bodies - len(given)), sigmas)
-
-    @classmethod
-    def _of(cls, errors: list[Uncertainty | None], sigmas: Any) -> Margin | None:
         many = size("sigmas", sigmas)
-        return cls(tuple(errors), many) if many and any(errors) else None
+        return cls((*given, *[None] * (bodies - len(given))), many) if many and any(given) else None
 
     def fixed(self, count: int) -> tuple[Uncertainty | None, ...]:
         """Return the errors that no plan of the first `count` bodies changes: states and process noise."""
