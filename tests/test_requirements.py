@@ -211,14 +211,16 @@ def test_longer_safe_approach_from_a_hold_point_costs_no_more(orbits):
     assert long.lower_bound <= long.delta_v <= 1.01 * short.delta_v
 
 
-@pytest.mark.parametrize("drift", [None, 0.3 * ORBIT.period])
-def test_longer_transfer_between_hold_points_costs_no_more(drift):
-    """Waiting is free there; a transfer of half an orbit is a radial hop, clear of a station beside it."""
+@pytest.mark.parametrize(
+    ("drift", "place", "radius"), [(None, -100.0, 60.0), (0.3 * ORBIT.period, 60.0, 40.0)]
+)
+def test_longer_transfer_between_hold_points_costs_no_more(drift, place, radius):
+    """Waiting is free there, with a station between them, and with a loss of thrust near a station ahead."""
     costs = []
     for orbits in (0.3, 0.5, 0.75, 1.0, 1.3):
-        station = ORBIT.coast([0, 60.0, 0, 0, 0, 0], 2.0 * ORBIT.period)
+        station = ORBIT.coast([0, place, 0, 0, 0, 0], 2.0 * ORBIT.period)
         given = {"obstacles": station, "cost": "delta-v", "if_blocked": (), "drift": drift}
-        task = ORBIT, [START], [END], orbits * ORBIT.period, cf.Sphere(40.0)
+        task = ORBIT, [START], [END], orbits * ORBIT.period, cf.Sphere(radius)
         costs.append(cf.reconfigure(*task, **given).delta_v)
     assert (np.array(costs) <= 1.01 * np.minimum.accumulate(costs)).all()
 
