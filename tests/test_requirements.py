@@ -199,20 +199,52 @@ def test_requirements_combine_with_zones_and_quiet_times():
     assert not any(600.0 < time < 900.0 for time, _ in plan.path.impulses)
 
 
-def test_passively_safe_plan_keeps_a_corridor_and_a_speed_limit():
-    """Outside 20 m a chaser that stops firing drifts clear of the station for an orbit."""
-    hold, zone = [0, -20.0, 0, 0, 0, 0], cf.Sphere(10.0)
-    station = ORBIT.coast(np.zeros(6), TIME + 2 * ORBIT.period)
-    wanted = {"obstacles": station, "cost": "delta-v", "if_blocked": ()}
-    plan = cf.reconfigure(
-        *(ORBIT, [START], [hold], TIME, zone), drift=ORBIT.period, requirements=[CONE, GLIDE], **wanted
-    )
-    states = plan.path.state(np.linspace(0.0, TIME, 20_001))
+def safe_approach(duration):
+    """Return a plan to a hold point at 20 m, outside 10 m for an orbit after any loss of thrust."""
+    hold, station = [0, -20.0, 0, 0, 0, 0], ORBIT.coast(np.zeros(6), duration + 2 * ORBIT.period)
+    wanted = {"obstacles": station, "cost": "delta-v", "if_blocked": (), "requirements": [CONE, GLIDE]}
+    return cf.reconfigure(ORBIT, [START], [hold], duration, cf.Sphere(10.0), drift=ORBIT.period, **wanted)
+
+
+def check_safe_approach(plan):
+    """Check the corridor, the speed and the drifts until an orbit after the arrival, by dense samples."""
+    path, last = plan.path, plan.path.end + ORBIT.period
+    times = np.linspace(0.0, path.end, 20_001)
+    states = path.state(times)
     assert min(inside(None, states, name).min() for name in ("cone", "glide")) >= -1e-6
-    flow = np.array([expm(hill() * t)[:3] for t in np.linspace(0.0, ORBIT.period, 200)])
-    drifts = np.einsum("tij,kj->tki", flow, states[::50])
-    assert np.linalg.norm(drifts, axis=-1).min() >= 10.0 - 1e-3
+    drifted = np.linspace(0.0, last, 400)
+    flow = np.array([expm(hill() * t)[:3] for t in drifted])
+    distances = np.linalg.norm(np.einsum("tij,kj->tki", flow, states[::50]), axis=-1)
+    assert distances[drifted[:, None] + times[::50] <= last].min() >= 10.0 - 1e-3
+
+
+def test_passively_safe_plan_keeps_a_corridor_and_a_speed_limit():
+    plan = safe_approach(TIME)
+    check_safe_approach(plan)
     assert plan.lower_bound <= plan.delta_v <= 1.02 * plan.lower_bound
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("orbits", [1.0, 1.2, 1.5])
+def test_longer_safe_approach_from_a_hold_point_costs_no_more(orbits):
+    """The chaser may wait at the hold point, where it stays without thrust."""
+    short, long = (safe_approach(share * ORBIT.period) for share in (0.75, orbits))
+    check_safe_approach(long)
+    assert long.lower_bound <= long.delta_v <= 1.01 * short.delta_v
+
+
+@pytest.mark.parametrize(
+    ("drift", "place", "radius"), [(None, -100.0, 60.0), (0.3 * ORBIT.period, 60.0, 40.0)]
+)
+def test_longer_transfer_between_hold_points_costs_no_more(drift, place, radius):
+    """Waiting is free there, with a station between them, and with a loss of thrust near a station ahead."""
+    costs = []
+    for orbits in (0.3, 0.5, 0.75, 1.0, 1.3):
+        station = ORBIT.coast([0, place, 0, 0, 0, 0], 2.0 * ORBIT.period)
+        given = {"obstacles": station, "cost": "delta-v", "if_blocked": (), "drift": drift}
+        task = ORBIT, [START], [END], orbits * ORBIT.period, cf.Sphere(radius)
+        costs.append(cf.reconfigure(*task, **given).delta_v)
+    assert (np.array(costs) <= 1.01 * np.minimum.accumulate(costs)).all()
 
 
 @pytest.mark.parametrize("limit", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])

@@ -73,7 +73,7 @@ def reconfigure(
         duration, in deep space up to a hundred times the duration.
     if_blocked : sequence of "more sides", "longer" or "stagger", default all
         Fallbacks, in order, for when no clear plan is found.  Without "longer", durations are not stretched
-        for a thrust limit either.
+        for a thrust limit either.  `Plan.late` is the delay of the last arrival; () keeps the given times.
     method : "joint", "sequential" or "distributed", default "joint"
         "joint": all paths are optimised together.  "sequential": the spacecraft are planned one by one, and
         earlier paths are obstacles for later ones.  "distributed": each spacecraft plans on its own, all at

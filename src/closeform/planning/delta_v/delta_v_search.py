@@ -17,7 +17,7 @@ from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_descent import at_rest, descended
 from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.delta_v.thruster_allocation import shared
-from closeform.planning.delta_v.waits import COARSE, firing_times, longer, scheduled, waiting
+from closeform.planning.delta_v.waits import COARSE, firing_times, scheduled, waiting
 from closeform.planning.energy.exit_directions import ranked_exits
 from closeform.planning.energy.plane_program import TOGETHER
 from closeform.planning.energy.side_search import FEW
@@ -313,15 +313,15 @@ def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Sp
     found, firing = waiting(solver, best.delta_v if best and not solver.problem.requirements else inf)
     if found is None and best is None:
         for time in firing_times(solver.problem, COARSE):
-            short = scheduled(solver, time)
+            short, firing = scheduled(solver, time), time
             if short is not None and short.required is not None:
                 found, _ = from_starts(short, short.required, short.required, by_energy, 1)
             if found is not None:
-                firing = time
                 break
     if found is not None:
-        for short in longer(solver, firing):
-            found = min(found, fewer(short, found), key=lambda one: one.delta_v)
+        for time in reversed([one for one in firing_times(solver.problem, COARSE) if one > firing]):
+            if (short := scheduled(solver, time)) is not None:
+                found = min(found, fewer(short, found), key=lambda one: one.delta_v)
     return found if best is None or (found is not None and found.delta_v < best.delta_v) else None
 
 

@@ -26,6 +26,7 @@ from closeform.planning.requirements.requirement import largest_shortfall
 
 LONGEST = 2.0  # orbits, of the times to fire that are tried
 HALVINGS = 4  # bisections between two times to fire: the delta-v changes by 7 % from one to the next
+ROUNDING = 1e-9  # of the duration: shorter waits are none
 COARSE = 3  # of these times, every third one is searched, and used for a descent
 
 
@@ -36,18 +37,18 @@ def waiting(solver: ImpulseSolver, bar: float) -> tuple[Spent | None, float]:
     """
     after, found = inf, None
     for firing in firing_times(solver.problem):
-        short = scheduled(solver, firing)
-        least = None if short is None else short.required
-        if least is not None and (least.clear or least.delta_v >= bar):
+        least = least_over(solver, firing)
+        if least is not None and least.delta_v >= bar:
+            break
+        if least is not None and least.clear:
             found = least
             break
         after = firing
-    if found is None or found.delta_v >= bar:
-        return None, inf
+    if found is None:
+        return None, 0.0
     for _ in range(HALVINGS if after < inf else 0):
         middle = 0.5 * (firing + after)
-        short = scheduled(solver, middle)
-        least = None if short is None else short.required
+        least = least_over(solver, middle)
         if least is not None and least.clear:
             found, firing = least, middle
         else:
@@ -55,20 +56,17 @@ def waiting(solver: ImpulseSolver, bar: float) -> tuple[Spent | None, float]:
     return found, firing
 
 
-def longer(solver: ImpulseSolver, firing: float) -> Iterator[ImpulseSolver]:
-    """Yield the solvers of some schedules with a longer time to fire, the shortest first."""
-    several = list(firing_times(solver.problem, COARSE))
-    for longer in several[::-1]:
-        short = scheduled(solver, longer) if longer > firing else None
-        if short is not None:
-            yield short
+def least_over(solver: ImpulseSolver, firing: float) -> Spent | None:
+    """Return the minimum delta-v without zones over a time to fire [s]; None without any."""
+    short = scheduled(solver, firing)
+    return None if short is None else short.required
 
 
 def firing_times(problem: Problem, step: int = 1) -> Iterator[float]:
     """Yield times to fire [s] that are shorter than the duration, the longest first, or each `step`th."""
     lasts = float(np.ptp(problem.base[:, [START, END]], axis=1).min())
     part = (problem.orbit.period if np.isfinite(problem.orbit.period) else lasts) / PARTS
-    for number in range(min(ceil(lasts / part), ceil(LONGEST * PARTS)) - 1, 0, -1):
+    for number in range(min(ceil((1.0 - ROUNDING) * lasts / part), ceil(LONGEST * PARTS)) - 1, 0, -1):
         if number % step == 0:
             yield number * part
 
