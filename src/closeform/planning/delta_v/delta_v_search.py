@@ -364,6 +364,7 @@ def pulses_near(
 
     pulses, effort = PulseSolver.of(solver), solver.problem.effort
     found: Spent | None = None
+    effort.extend(PULSING)
     for safe in islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT):
         near = pulses.nearby(safe)
         found = near if found is None or (near is not None and near.delta_v < found.delta_v) else found

@@ -81,7 +81,11 @@ class PulseSolver(ImpulseSolver):
         for _ in range(LEFT_OUT):
             if found is None or not (small := self.below_bit(found)).any():
                 return found
-            found = self.without(found, small) or self.with_bits(found, small)
+            found = (
+                self.without(found, small, DEARER)
+                or self.with_bits(found, small)
+                or self.without(found, small, inf)
+            )
         return None
 
     def tried(self, factor: float, safe: Spent) -> tuple[Self, Spent]:
@@ -97,15 +101,15 @@ class PulseSolver(ImpulseSolver):
         few = cleared(self, some)
         return few if few is not None else cleared(self, some, self.following)
 
-    def without(self, found: Spent, small: Any) -> Spent | None:
-        """Return clear pulses without some of the small ones, or without one; None if that costs more."""
+    def without(self, found: Spent, small: Any, dearer: float) -> Spent | None:
+        """Return clear pulses of at most `dearer` times the cost without some or one of the small ones."""
         sizes = sizes_of(found.impulses)
         order = np.argsort(np.where(small, sizes, inf), axis=None)[: np.count_nonzero(small)]
         for those in (order[: -(-len(order) // PART)], *order[:, None]):
             left = sizes > 0.0
             left.flat[those] = False
-            clear = cleared(self, self.some(found, left))
-            if clear is not None and clear.delta_v <= DEARER * found.delta_v and self.whole_in(clear):
+            clear = cleared(self, self.some(found, left)) if dearer < inf else self.cleared(found, left)
+            if clear is not None and clear.delta_v <= dearer * found.delta_v and self.whole_in(clear):
                 return clear
         return None
 
@@ -116,10 +120,12 @@ class PulseSolver(ImpulseSolver):
         """
         sizes = np.where(small, sizes_of(found.impulses), 0.0)
         raised = some_of_each(found.moments, sizes > RAISED * sizes.max())
-        self.whole = list(map(Moments.joined, self.whole, raised))
+        before, self.whole = self.whole, list(map(Moments.joined, self.whole, raised))
         own = some_of_each(found.moments, sizes_of(found.impulses) > 0.0)
         more = list(map(Moments.joined, self.following(found), self.whole))
-        return self.supporting(found, own) or self.supporting(found, more)
+        clear = self.supporting(found, own) or self.supporting(found, more)
+        self.whole = before if clear is None else self.whole
+        return clear
 
     def supporting(self, clear: Spent, moments: list[Moments]) -> Spent | None:
         """Return clear pulses at moments, with planes that `clear` ones keep; None if they cost much more."""
