@@ -43,3 +43,16 @@ def test_blended_impulses_have_blended_effects():
     assert found.times.tolist() == [0.0, 900.0, 2000.0]
     expected = 0.75 * effect_of(times[0], impulses[0]) + 0.25 * effect_of(times[1], impulses[1])
     np.testing.assert_allclose(effect_of(found.times, pushes), expected, rtol=1e-12)
+
+
+def test_times_of_firing_are_equal_or_apart():
+    """Near times become one, known times stay, and each thruster remains at its time."""
+    rng, apart = np.random.default_rng(5), 1.0
+    kept = np.arange(0.0, 1000.0, 50.0)
+    times = np.concatenate([rng.uniform(0.0, 1000.0, 60), kept + rng.uniform(-0.9, 0.9, len(kept))])
+    which = rng.integers(0, 6, len(times))
+    found = Moments.instants(times, which).distinct(kept, apart)
+    assert np.diff(np.unique(found.times)).min() >= apart
+    assert np.isin(kept, found.times).all()
+    for time, one in zip(times, which, strict=True):
+        assert np.abs(found.times[found.which == one] - time).min() < 3.0 * apart

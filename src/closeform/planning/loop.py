@@ -36,8 +36,8 @@ The task for each cost (row) and requirement (column); one task combines all the
     pulses          PulseSolver      PulseSolver      PulseSolver       PulseSolver     PulseSolver
 
 At minimum energy SafeTask combines zones, k sigma and loss of thrust, EnergySolver all but the last.
-`energy/` is compiled for plain zones and does not use this loop.  Pulses are planned near safe impulses only
-where thrust may be lost.
+`energy/` is compiled for plain zones and does not use this loop.  Pulses are planned only where thrust may be
+lost, near safe impulses.
 
 To add a cost, write a task: `minimise` and `relinearise`, and for short steps the rest of `SteppingTask`.  To
 add a requirement on one craft, derive a class in `requirements/`; every task of its column then keeps it.  To
@@ -57,10 +57,11 @@ NEARLY = 0.99  # norm above which planes are moved out by the shortfall: below i
 PATIENCE = 3  # clear rounds without a lower cost that end the rounds
 SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
 HALF = 0.5  # maximum share of the way in a short step
-SHARES = 0.5, 0.25, 0.125  # of the way to the minimum of planes; a shorter step gains too little
+SHARES = 0.5, 0.25, 0.125  # of the way to the minimum of planes, in steps to clear paths
 GAINED = 1e-4  # of the cost: minimum saving for another step down
-DESCENTS, APPROACHES = 20, 12  # maximum steps to cheaper paths, and to clear ones
-CUTS, CROWDED = 8, 250  # maximum rounds of a step down that add planes, and maximum planes
+DESCENTS, APPROACHES = 30, 12  # maximum steps to cheaper paths, and to clear ones
+CUTS, CROWDED = 16, 250  # maximum rounds of a step down that add planes, and maximum planes
+SHORTENED, SHORTER = 4, 0.25  # rounds after which a step down is shorter, and by which factor
 LIFTS = 0.0, 1e-3, 1e-2  # distances in zones by which planes are moved out for a step to clear paths
 
 
@@ -104,8 +105,8 @@ class SteppingTask(Task[C, P], Protocol[C, P]):
     def crowd(self, program: P) -> int:
         """Return the number of planes of a program."""
 
-    def supported(self, clear: C, found: C) -> P:
-        """Return the program of `found`, with planes at its violations that `clear` paths keep."""
+    def supported(self, clear: C, found: C, program: P) -> P:
+        """Return a program with added planes at violations of `found` that `clear` paths keep."""
 
     def displacement(self, one: C, other: C) -> float:
         """Return the largest displacement of a pair from one candidate to another, in zones."""
@@ -239,7 +240,6 @@ class Descent(Generic[C, P]):
     task: Any  # SteppingTask[C, P]
     program: Callable[[C], P]  # planes of clear paths, and the firing times of a step
     accuracy: float
-    shares: tuple[float, ...] = SHARES
 
     def init(self, clear: C) -> Step[C]:
         """Return the state before the first step."""
@@ -260,21 +260,27 @@ class Descent(Generic[C, P]):
         return Step(better, state.best.cost - better.cost, state.turn + 1)
 
     def below(self, here: C) -> C | None:
-        """Return clear paths that cost less than clear ones; None without any."""
-        program, aim, least = self.program(here), self.task.least, None
-        for _ in range(CUTS):
+        """Return clear paths that cost less than clear ones; None without any.
+
+        Planes are added where a short step leads into a zone: there `here` keeps them, and so do all later
+        steps.  Planes at the far minimum would not represent the violations near `here`.
+        """
+        program, share = self.program(here), HALF
+        for cut in range(1, CUTS + 1):
             if self.task.crowd(program) > CROWDED:
-                break
-            found = self.task.minimise(program, self.accuracy, aim, (1.0 - SETTLED) * here.cost)
+                return None
+            found: C | None = self.task.minimise(
+                program, self.accuracy, self.task.least, (1.0 - SETTLED) * here.cost
+            )
             if found is None or found.clear:
-                least = found or least
-                break
-            aim = moved_out(aim, self.task.least, found)
-            least, program = found, self.task.supported(here, found)
-        if least is None or least.clear:
-            return least
-        parts = (self.task.blend(here, least, share) for share in self.shares)
-        return next((part for part in parts if part.clear and part.cost < here.cost), None)
+                return found if found is not None and found.cost < here.cost else None
+            part: C = self.task.blend(here, found, share)
+            if part.clear and part.cost < here.cost:
+                return part
+            program = self.task.supported(here, part, program)
+            if cut % SHORTENED == 0:
+                share *= SHORTER
+        return None
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures 
 # results are followed down.
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
 ABOUT = 5  # safe impulsive paths near which pulses are sought
+PULSED = 1.02  # times the cost of the best impulses: pulses near others are sought above it
 PULSING = 0.6  # of the effort, in addition for pulses where these are not found
 IN_ANY_DIRECTION, STARTING, ROOMY = 0.4, 0.6, 0.7  # of the effort, until which each part may last
 
@@ -380,12 +381,17 @@ def fires(solver: ImpulseSolver) -> bool:
 def pulses_near(
     solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent
 ) -> tuple[ImpulseSolver, Spent | None]:
-    """Return a pulse solver, and safe pulses near safe impulses, preferably the best; None without any."""
+    """Return a pulse solver, and the cheapest safe pulses near safe impulses; None without any."""
     from closeform.planning.delta_v.pulse_solver import PulseSolver  # only for pulsed thrusters
 
     pulses, effort = PulseSolver.of(solver), solver.problem.effort
-    every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT))
-    found = next((found for found in every if found is not None), None)
+    found: Spent | None = None
+    effort.extend(PULSING)
+    for safe in islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT):
+        near = pulses.nearby(safe)
+        found = near if found is None or (near is not None and near.delta_v < found.delta_v) else found
+        if found is not None and found.delta_v <= PULSED * best.delta_v:
+            break
     if found is None:
         effort.extend(PULSING)
         found = pulses.nearby(best) or pulses.nearby(best, gradually=True)

@@ -40,6 +40,10 @@ class Moments(NamedTuple):
         """Return the moments at indices or in a mask."""
         return Moments(*(column[chosen] for column in self))
 
+    def among(self, others: "Moments") -> Any:
+        """Return which of these moments and of others (J, K) are the same."""
+        return (self.times[:, None] == others.times) & (self.which[:, None] == others.which)
+
     def joined(self, *others: "Moments") -> "Moments":
         """Return the union with other moments, in order."""
         every = Moments(*map(np.concatenate, zip(self, *others, strict=True)))
@@ -49,18 +53,17 @@ class Moments(NamedTuple):
         new[1:] = (times[1:] != times[:-1]) | (which[1:] != which[:-1])
         return every.some(order[new])
 
-    def distinct(self, ends: Floats, apart: float) -> "Moments":
-        """Return moments of which no two are closer than `apart` [s]; those near the `ends` move there."""
+    def distinct(self, kept: Floats, apart: float) -> "Moments":
+        """Return moments without different times closer than `apart` [s]; near `kept` ones they are these."""
         if self.widths.any():
             return self
-        times = self.times.copy()
-        for end in ends:
-            times[np.abs(times - end) < apart] = end
-        order = np.lexsort((times, self.which))
-        same = (np.diff(times[order]) < apart) & (np.diff(self.which[order]) == 0)
-        later = order[1:][same]
-        kept = np.setdiff1d(np.arange(len(times)), later)
-        return Moments.instants(times[kept], self.which[kept])
+        kept, order = np.sort(kept), np.argsort(self.times, kind="stable")
+        times = self.times[order]
+        after = np.clip(np.searchsorted(kept, times), 1, len(kept) - 1)
+        nearest = np.where(times - kept[after - 1] < kept[after] - times, kept[after - 1], kept[after])
+        times = np.where(np.abs(times - nearest) < apart, nearest, times)
+        new = np.diff(times, prepend=-np.inf) >= apart
+        return Moments.instants(times[new][np.cumsum(new) - 1], self.which[order]).joined()
 
     def burns(self, brief: float) -> Floats:
         """Return start and end (J, 2) of each moment; an impulse begins and ends `brief` from its time."""
@@ -79,8 +82,7 @@ class Moments(NamedTuple):
     def shares(self, other: "Moments") -> Floats:
         """Return the fraction (J, K) of each moment in `other` that each of these moments overlaps."""
         if not self.widths.any():
-            same = (self.times[:, None] == other.times) & (self.which[:, None] == other.which)
-            return np.where(same, 1.0, 0.0)
+            return np.where(self.among(other), 1.0, 0.0)
         middles, widths = self.times + 0.5 * self.widths, self.widths[:, None]
         within = (middles[:, None] > other.times) & (middles[:, None] < other.times + other.widths)
         found: Floats = np.where(within, widths / other.widths, 0.0)

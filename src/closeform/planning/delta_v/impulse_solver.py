@@ -87,6 +87,7 @@ class ImpulseSolver:
     """Solver of one problem from any contacts, by impulses."""
 
     keeps_zones = True
+    given: Any = 0.0  # impulses (N, J, 3) of a round beyond those of its program
 
     def __init__(
         self,
@@ -130,10 +131,7 @@ class ImpulseSolver:
         begins, ends = base[:, START], base[:, END]
         arrived = orbit.transition(problem.first - ends, ends) @ self.finals[:, :, None]
         begun = orbit.transition(problem.first - begins, begins) @ base[:, STATE : STATE + 6, None]
-        change = (arrived - begun)[..., 0]
-        moved = change[:, :3]
-        gains = np.concatenate([change[:, 3:] + moved @ form.T, -moved], axis=1)  # theory (27)
-        return (scene.clock, scene.joints, scene.flows, form), gains
+        return (scene.clock, scene.joints, scene.flows, form), gains_of((arrived - begun)[..., 0], form)
 
     def unconstrained(self) -> Spent:
         """Return the minimum delta-v of each craft alone, without keep-out zones.
@@ -221,13 +219,13 @@ class ImpulseSolver:
         """Return whether the search has used its effort."""
         return self.problem.effort.beyond()
 
-    def supported(self, clear: Spent, found: Spent) -> Program:
-        """Return the program of found paths, with planes at their conflicts that clear paths satisfy."""
+    def supported(self, clear: Spent, found: Spent, program: Program) -> Program:
+        """Return a program with added planes at conflicts of found paths that clear paths satisfy."""
         problem, lost, met = self.problem, found.checked.lost, self.problem.met(found.checked.missed)
         if self.failures is not None:
             lost = lost._replace(normals=problem.normals(self.failures.brief(clear.trajectories), lost, -inf))
         met = met._replace(normals=problem.normals(clear.trajectories, met, -inf))
-        return Program(found.contacts.joined(lost.joined(met)), found.moments)
+        return program._replace(contacts=program.contacts.joined(lost.joined(met)))
 
     def by_few(self, moments: list[Moments], impulses: Floats, known: Spent, contacts: Contacts) -> Spent:
         """Return the result of as few impulses as the ends and `contacts` require."""
@@ -253,12 +251,17 @@ class ImpulseSolver:
 
     def following(self, found: Spent) -> list[Moments]:
         """Return the moments at which each craft may fire in the next round."""
-        return list(map(Moments.joined, self.grid, self.requirements.paired(found.peaks), found.fired(FIRED)))
+        every = map(Moments.joined, self.grid, self.requirements.paired(found.peaks), found.fired(FIRED))
+        return self.distinct(list(every), found.moments)
 
-    def distinct(self, moments: list[Moments]) -> list[Moments]:
-        """Return the moments of each craft, of which no two are closer than SAME."""
+    def distinct(self, moments: list[Moments], before: list[Moments]) -> list[Moments]:
+        """Return each craft's moments without distinct times closer than SAME.
+
+        Those near its ends or moments `before` move there: a failure amid such an impulse remains amid it.
+        """
         ends = self.problem.base[:, [START, END]]
-        return list(map(Moments.distinct, moments, ends, SAME * np.ptp(ends, axis=1)))
+        kept = [np.append(own, near.times) for own, near in zip(ends, before, strict=True)]
+        return list(map(Moments.distinct, moments, kept, SAME * np.ptp(ends, axis=1)))
 
     def focused(self, best: Spent) -> Spent:
         """Return the solution fired at few times near maxima of the primers, if that costs hardly more."""
@@ -278,9 +281,6 @@ class ImpulseSolver:
         """Return the solution with as many impulses joined or omitted as possible at hardly more cost."""
         dearer = SAFER if self.problem.requirements else 1.0 + FEWER
         base, most = self.problem.base, dearer * best.delta_v
-        near, apart = best.fired(0.0), self.distinct(best.fired(0.0))
-        if not all(np.array_equal(one.times, own.times) for one, own in zip(near, apart, strict=True)):
-            best = self.refired_at(apart, best, dearer) or best
         sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
         rates = np.maximum(self.problem.orbit._rate, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
@@ -328,7 +328,7 @@ class ImpulseSolver:
         """Return clear paths fired at `moments` of the previous round, of at most `dearer` times the cost."""
 
         def following(found: Spent) -> Program:
-            after, contacts = moments(found), self.turned(found, 0.0)
+            after, contacts = self.distinct(moments(found), found.moments), self.turned(found, 0.0)
             if self.failures is not None:
                 contacts = self.failures.merged(contacts, found.moments, found.impulses, after)
             return Program(contacts, after)
@@ -383,9 +383,7 @@ class ImpulseSolver:
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the minimum delta-v that satisfies a program's planes; None above `bar`."""
-        # failures during nearly simultaneous impulses are distinct: these are merged at the end
-        moments = program.moments if self.failures is not None else self.distinct(program.moments)
-        contacts, moments = program.contacts, self.requirements.allowed(moments)
+        contacts, moments = program.contacts, self.requirements.allowed(program.moments)
         fleet, planes = self.fleet(moments), self.planes(contacts, aim)
         found = self.dual(fleet, planes, accuracy, bar)
         if found is None:
@@ -395,6 +393,7 @@ class ImpulseSolver:
         felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
         active = self.requirements.keep(found.multipliers[number:])
         keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
+        impulses += self.given
         trajectories = self.trajectories(fleet, impulses)
         if self.pushes.fixed.any() and not arrive(self.problem, trajectories, self.finals):
             return None
@@ -538,6 +537,12 @@ class ImpulseSolver:
         offsets = np.empty(count + 1, dtype=np.int64)
         number = fill_trajectories(fleet, impulses, arcs, offsets)
         return self.problem.with_obstacles(arcs[:number], offsets)
+
+
+def gains_of(changes: Floats, form: Floats) -> Floats:
+    """Return the gains (N, 6) of changes of state at the first time."""
+    moved, sped = changes[:, :3], changes[:, 3:]
+    return np.concatenate([sped + moved @ form.T, -moved], axis=1)  # theory (27)
 
 
 def beside(problem: Problem, trajectories: Trajectories, contacts: Contacts) -> Contacts:

@@ -73,8 +73,9 @@ def effects(solver: ImpulseSolver, planes: Planes, i: int, own: Moments, pushes:
     """Return the effects (K, J) of a spacecraft's impulses (J, 3) on planes."""
     sides = 1.0 * (planes.first == i) - 1.0 * (planes.second == i)
     after = planes.times[:, None] - own.times
+    fired = own.times < planes.cuts[np.arange(len(sides)), 1 * (planes.second == i), None]
     moved = solver.problem.orbit.transition(np.maximum(after, 0.0))[..., 3:] @ pushes[..., None]
-    found: Floats = sides[:, None] * (after > 0.0) * (planes.rows[:, None] * moved[..., 0]).sum(axis=2)
+    found: Floats = sides[:, None] * fired * (planes.rows[:, None] * moved[..., 0]).sum(axis=2)
     return found
 
 

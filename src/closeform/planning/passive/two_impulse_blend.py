@@ -24,7 +24,6 @@ from closeform.planning.problem.scene import Contacts
 
 SPREADS = 0.25, 0.1, 0.03, 0.01, 1e-3  # of the drift between two impulses, over which each is spread
 GIVING = 1e-7  # softness of planes, of their compliance: many are nearly equal
-SHARES = tuple(2.0**-k for k in range(9))  # of the way to the minimum of planes
 ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 
 
@@ -77,9 +76,9 @@ class ArcTask:
         """Return 0: soft planes of arcs are solved fast, however many they are."""
         return 0
 
-    def supported(self, clear: Arcs, found: Arcs) -> Contacts:
+    def supported(self, clear: Arcs, found: Arcs, planes: Contacts) -> Contacts:
         """Return planes, with those at the failures of found paths that clear paths keep."""
-        return found.planes.joined(self.rounds.turned(clear.arcs, clear.offsets, found.inside))
+        return planes.joined(self.rounds.turned(clear.arcs, clear.offsets, found.inside))
 
     def blend(self, one: Arcs, other: Arcs, share: float) -> Arcs:
         """Return paths a fraction of the way from one to the other."""
@@ -98,7 +97,7 @@ def blended_plan(problem: Problem, margin: float) -> Trajectories | None:
     begin = spread_plan(task)
     if begin is None:
         return None
-    found = run(Descent(task, task.relinearise, GIVING, SHARES), begin)
+    found = run(Descent(task, task.relinearise, GIVING), begin)
     return problem.with_obstacles(*problem.arrived(found.arcs, found.offsets))
 
 
