@@ -24,8 +24,8 @@ from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_impulses, unconstrained
 from closeform.planning.energy.side_search import MARGINS, Found
-from closeform.planning.energy_solver import least_energy
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
+from closeform.planning.least_energy import least_energy
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
@@ -34,6 +34,7 @@ from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak
 from closeform.planning.problem.problem import Problem, Trajectories, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
+from closeform.planning.safe_energy import safe_starts
 from closeform.planning.slots import revised
 from closeform.planning.violations import violations
 from closeform.zones.padding import Short
@@ -207,10 +208,18 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         if problem.drift is not None or not free.checked.clear:
             status, pair, reason = none
             return replace(beside(plan, problem, free), status=status, reason=reason, blocked=pair)
-    bare = replace(problem, requirements=()) if problem.requirements and problem.drift is None else problem
+    bare = replace(problem, requirements=()) if problem.requirements else problem
     by_energy = cache(lambda: least_energy(bare, more=more, waiting=False))
     try:
-        given = request.thrusters, names, by_energy, request.budget, more, limits
+        given = (
+            request.thrusters,
+            names,
+            by_energy,
+            lambda margin: safe_starts(bare, margin),
+            request.budget,
+            more,
+            limits,
+        )
         found, free = solve_impulses(problem, *given)
     except TooLittleThrust as little:
         assert limits is not None

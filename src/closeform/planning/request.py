@@ -273,7 +273,6 @@ class Request:
                         "allow; set cost 'delta-v', or omit this requirement"
                     )
             unsupported = {
-                "drift": self.drift is not None,
                 "prove": self.proof_time > 0.0,
                 "method": self.method not in ("joint", "exact"),
             }
