@@ -173,7 +173,7 @@ class EnergySolver(ImpulseSolver):
         return Program(found.contacts.joined(lost.joined(met)), [])
 
     def checked(self, trajectories: Trajectories, contacts: Contacts) -> Checked:
-        """Return conflicts of paths, with thrust and after its loss, and the shortfall of requirements.
+        """Return conflicts of paths, with thrust and after its loss, and the checks of requirements.
 
         With a loss of thrust, conflicts that are not at k sigma are among the failures.
         """
@@ -182,7 +182,6 @@ class EnergySolver(ImpulseSolver):
         problem = self.problem
         known = contacts.some((contacts.multipliers > 0.0) & ~problem.with_errors(contacts))
         lost, nearest = self.lost.near(trajectories, known)
-        outside = self.requirements.shortfall(self.arrived(trajectories)) if problem.requirements else 0.0
         missed = problem.conflicts(trajectories) if nearest >= 1.0 or problem.sigmas else []
         fresh = problem.met(missed)
         fresh = fresh.some(~problem.with_errors(fresh))
@@ -193,7 +192,8 @@ class EnergySolver(ImpulseSolver):
         if fresh.number:
             lost, nearest = self.lost.near(trajectories, known.joined(fresh))
             nearest = min(nearest, INSIDE)
-        return Checked(missed, lost, nearest, outside)
+        required = problem.requirement_checks(self.arrived(trajectories)) if problem.requirements else []
+        return Checked(missed, lost, nearest, required)
 
     def arrived(self, trajectories: Trajectories) -> Trajectories:
         """Return paths without the drift after the last arrival."""
