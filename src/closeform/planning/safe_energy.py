@@ -15,7 +15,7 @@ impulses are spread over burns.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from math import inf, nan
 
@@ -41,6 +41,7 @@ ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distin
 SEARCHING = 0.6  # of the effort: the rest is for the descent from the best start
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
 SOFT, FADE, HARD, GIVING = 0.1, 0.5, 1e-9, 1e-7  # softness: initial, decay per round, final, of many planes
+SHALLOW = 0.95
 NEARLY = 1e-2  # shortfall in zones up to which planes are raised
 COARSE, FINE = 1e-4, 1e-5  # accepted shortfall in zones on the way, and before planes are raised
 DEAR = 10.0  # penalty of a plan, as a share of its energy, for each zone of shortfall
@@ -131,9 +132,11 @@ def examined(solver: EnergySolver, seed: int, bar: float) -> Spent | None:
     near: Spent | None = run(method, Program(solver.lost.shifted(given), []))
     if near is None or near.cost > bar:
         return None
-    most = least + GIVEN_UP * (bar - least)
-    better = near if near.clear else beyond_planes(solver, near, COARSE, most, LASTLY)
-    return raised(solver, better if better is not None and is_near(better, COARSE) else near)
+    found = raised(solver, near)
+    if found is None:
+        better = beyond_planes(solver, near, COARSE, bar, LASTLY)
+        found = better and raised(solver, better)
+    return found
 
 
 @dataclass(frozen=True)
@@ -186,13 +189,16 @@ def beyond_planes(
         if last is None or is_near(last, shortfall):
             break
         program = solver.supported(about, last)
+        if last.worst < SHALLOW:
+            part = solver.blend(about, last, (1.0 - SHALLOW) / (1.0 - last.worst))
+            program = Program(program.contacts.joined(solver.supported(about, replace(part, contacts=Contacts.none())).contacts), [])
     return last
 
 
-def part_way(solver: EnergySolver, safe: Spent, far: Spent) -> Spent | None:
-    """Return safe paths of lower cost a part of the way to others; None without any."""
-    parts = (solver.blend(safe, far, share) for share in SHARES)
-    return next((part for part in parts if part.clear and part.cost < safe.cost), None)
+def part_way(solver: EnergySolver, here: Spent, far: Spent, shortfall: float = COARSE) -> Spent | None:
+    """Return nearly safe paths of lower cost a part of the way to others; None without any."""
+    parts = (solver.blend(here, far, share) for share in SHARES)
+    return next((part for part in parts if is_near(part, shortfall) and part.cost < here.cost), None)
 
 
 def raised(solver: EnergySolver, near: Spent) -> Spent | None:
@@ -218,7 +224,7 @@ def descended(solver: EnergySolver, safe: Spent) -> Spent:
         about = solver.blend(before, now, 1.0 + ahead) if ahead else now
         found = beyond_planes(solver, about, COARSE, now.cost)
         if found is not None and not is_near(found, COARSE):
-            found = part_way(solver, now, found) if now.clear and not ahead else None
+            found = None if ahead else part_way(solver, now, found)
         if found is not None:
             idle = idle + 1 if now.cost - found.cost <= GAINED * now.cost else 0
             now, before = found, now
@@ -233,9 +239,9 @@ def descended(solver: EnergySolver, safe: Spent) -> Spent:
     if now is kept:
         return kept
     last = beyond_planes(solver, now, FINE, most=LASTLY)
-    found = raised(solver, last if last is not None and is_near(last, FINE) else now)
+    found = raised(solver, last if last is not None and is_near(last, NEARLY) else now)
     if found is None or found.cost > kept.cost:
-        found = part_way(solver, kept, now)
+        found = part_way(solver, kept, now, 0.0)
     return found or kept
 
 
