@@ -33,7 +33,7 @@ from closeform.planning.energy.plane_program import ALONE, press
 from closeform.planning.energy.quadratic_program import solve_qp
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.loop import Rounds, run
-from closeform.planning.passive.certification import failures_with_norms
+from closeform.planning.passive.certification import failures
 from closeform.planning.passive.continuous_failures import ContinuousFailures
 from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
@@ -46,9 +46,8 @@ FARTHEST = 100.0
 CROWDED = 250  # planes: more are incompatible
 ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 LEFT = 1e-7  # of a shortfall and a metre: planes that the solution misses by more are incompatible
-SAMPLED = 1.0 - 1e-5  # norm above which failures that samples missed are searched for
-DEEPER = 1e-6  # zones, by which these are deeper than known ones
-INSIDE = 1.0 - 1e-12  # largest norm of failures that samples missed
+HARD = 1e-9  # softness of planes up to which paths are certified
+INSIDE = 1.0 - 1e-12  # largest norm of failures that samples missed, and of paths that are not certified
 
 
 class Solved(NamedTuple):
@@ -98,7 +97,7 @@ class EnergySolver(ImpulseSolver):
         if solved is None or self.least_energy + solved.extra > bar:
             return None
         trajectories = solved.trajectories()
-        checked = self.checked(trajectories, solved.contacts)
+        checked = self.checked(trajectories, solved.contacts, accuracy <= HARD)
         self.requirements.relinearise(trajectories, checked.required)
         self.closest.note(checked.worst, trajectories, checked.outside)
         none, energy = np.empty((self.problem.count, 0, 3)), self.least_energy + solved.extra
@@ -172,25 +171,27 @@ class EnergySolver(ImpulseSolver):
         met = met._replace(normals=problem.normals(clear.trajectories, met, -inf))
         return Program(found.contacts.joined(lost.joined(met)), [])
 
-    def checked(self, trajectories: Trajectories, contacts: Contacts) -> Checked:
+    def checked(self, trajectories: Trajectories, contacts: Contacts, certified: bool = True) -> Checked:
         """Return conflicts of paths, with thrust and after its loss, and the checks of requirements.
 
-        With a loss of thrust, conflicts that are not at k sigma are among the failures.
+        With a loss of thrust, conflicts that are not at k sigma are among the failures, and paths that are
+        not to be `certified` are at most nearly safe.
         """
         if self.lost is None:
             return super().checked(trajectories, contacts)
         problem = self.problem
         known = contacts.some((contacts.multipliers > 0.0) & ~problem.with_errors(contacts))
         lost, nearest = self.lost.near(trajectories, known)
-        missed = problem.conflicts(trajectories) if nearest >= 1.0 or problem.sigmas else []
+        sure = certified and nearest >= 1.0
+        missed = problem.conflicts(trajectories) if sure or problem.sigmas else []
         fresh = problem.met(missed)
         fresh = fresh.some(~problem.with_errors(fresh))
-        if nearest >= SAMPLED and not missed:
+        if sure and not missed:
             own = problem.path(self.arrived(trajectories))
-            fresh, norms = failures_with_norms(problem, own, problem.bodies(trajectories))
-            fresh = fresh.some(norms < min(nearest, 1.0) - DEEPER * (nearest < 1.0))
+            fresh = failures(problem, own, problem.bodies(trajectories))
         if fresh.number:
             lost, nearest = self.lost.near(trajectories, known.joined(fresh))
+        if fresh.number or not certified:
             nearest = min(nearest, INSIDE)
         required = problem.requirement_checks(self.arrived(trajectories)) if problem.requirements else []
         return Checked(missed, lost, nearest, required)
@@ -202,16 +203,16 @@ class EnergySolver(ImpulseSolver):
         own = self.problem.path(trajectories)
         return self.problem.with_obstacles(*self.problem.arrived(own.arcs, own.offsets))
 
-    def of_arcs(self, arcs: list[Floats], known: Contacts) -> Spent:
+    def of_arcs(self, arcs: list[Floats], known: Contacts, certified: bool) -> Spent:
         """Return the result of each craft's arcs, checked at `known` contacts, which get no multipliers."""
         offsets = np.cumsum([0, *map(len, arcs)])
         trajectories = self.problem.with_obstacles(np.concatenate(arcs), offsets)
-        checked, energy = self.checked(trajectories, known), self.problem.energy(trajectories)
+        checked, energy = self.checked(trajectories, known, certified), self.problem.energy(trajectories)
         known = known._replace(multipliers=np.zeros(known.number))
         none = np.empty((self.problem.count, 0, 3))
         return Spent(trajectories, energy, energy, checked, known, self.least, [], none, [])
 
-    def blend(self, one: Spent, other: Spent, share: float) -> Spent:
+    def blend(self, one: Spent, other: Spent, share: float, certified: bool = True) -> Spent:
         """Return paths a `share` of the way from one to the other, or beyond."""
         paths, weights = (
             (self.problem.path(one.trajectories), self.problem.path(other.trajectories)),
@@ -221,7 +222,7 @@ class EnergySolver(ImpulseSolver):
             summed(self.problem, (paths[0][i].arcs, paths[1][i].arcs), weights)
             for i in range(self.problem.count)
         ]
-        return self.of_arcs(arcs, one.contacts.joined(other.contacts))
+        return self.of_arcs(arcs, one.contacts.joined(other.contacts), certified)
 
     def following(self, found: Spent) -> list[Moments]:
         """Return no firing times: thrust is continuous."""

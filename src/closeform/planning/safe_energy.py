@@ -26,7 +26,7 @@ from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.elements.palmer import state_from_palmer
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.impulse_solver import Program
-from closeform.planning.energy_solver import ROUNDING, EnergySolver, states
+from closeform.planning.energy_solver import HARD, ROUNDING, EnergySolver, states
 from closeform.planning.loop import Round, Rounds, fading, run
 from closeform.planning.minimum_energy import Outcome, contacts_of
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
@@ -40,7 +40,7 @@ STARTING = 0.3  # of the effort, for the starts of impulses
 ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distinct ones
 SEARCHING = 0.6  # of the effort: the rest is for the descent from the best start
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
-SOFT, FADE, HARD, GIVING = 0.1, 0.5, 1e-9, 1e-7  # softness: initial, decay per round, final, of many planes
+SOFT, FADE, GIVING = 0.1, 0.5, 1e-7  # softness: initial, decay per round to HARD, of many planes
 SHALLOW = 0.95
 NEARLY = 1e-2  # shortfall in zones up to which planes are raised
 COARSE, FINE = 1e-4, 1e-5  # accepted shortfall in zones on the way, and before planes are raised
@@ -50,7 +50,7 @@ GIVEN_UP = 2.0  # times the energy to beat
 CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
 RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
 CUTS, CROWDED, LASTLY = 12, 150, 2  # maximum rounds that add planes, and maximum planes; factor of the last
-STEPS, GAINED, IDLE = 60, 1e-5, 3  # of the descent; relative saving, and steps below it that end the descent
+GAINED, IDLE = 1e-4, 3  # relative saving, and steps below it that end the descent
 AHEAD, FARTHEST = 0.5, 32.0  # extrapolation in steps, initial and maximum
 FARTHER, NEARER = 2.0, 0.25  # factors of the extrapolation after success and failure
 SHARES = tuple(2.0**-k for k in range(1, 9))  # of the way to paths that are not nearly safe
@@ -190,59 +190,53 @@ def beyond_planes(
             break
         program = solver.supported(about, last)
         if last.worst < SHALLOW:
-            part = solver.blend(about, last, (1.0 - SHALLOW) / (1.0 - last.worst))
+            part = solver.blend(about, last, (1.0 - SHALLOW) / (1.0 - last.worst), False)
             program = Program(program.contacts.joined(solver.supported(about, replace(part, contacts=Contacts.none())).contacts), [])
     return last
 
 
 def part_way(solver: EnergySolver, here: Spent, far: Spent, shortfall: float = COARSE) -> Spent | None:
     """Return nearly safe paths of lower cost a part of the way to others; None without any."""
-    parts = (solver.blend(here, far, share) for share in SHARES)
+    parts = (solver.blend(here, far, share, not shortfall) for share in SHARES)
     return next((part for part in parts if is_near(part, shortfall) and part.cost < here.cost), None)
 
 
 def raised(solver: EnergySolver, near: Spent) -> Spent | None:
     """Return safe paths: those of nearly safe ones, with planes raised by their shortfall; None without."""
-    aim, found = solver.least, near
+    aim, found, program = solver.least, near, Program(near.contacts, [])
     for _ in range(RAISES):
         if found.clear or not is_near(found, NEARLY):
             break
         aim += 1.5 * (1.0 - found.worst) + BEYOND
-        higher = solver.minimise(Program(near.contacts, []), HARD, aim, inf)
+        higher = solver.minimise(program, HARD, aim, inf)
         if higher is None:
             return None
-        found = higher
+        found, program = higher, solver.supported(near, higher)
     return found if found.clear else None
 
 
 def descended(solver: EnergySolver, safe: Spent) -> Spent:
     """Return the safe paths of a descent, or the given ones if none is cheaper."""
-    kept, now, before, ahead, idle = safe, safe, safe, 0.0, 0
-    for _ in range(STEPS):
-        if solver.exhausted():
-            break
-        about = solver.blend(before, now, 1.0 + ahead) if ahead else now
+    now, before, ahead, idle = safe, safe, 0.0, 0
+    while idle < IDLE and not solver.exhausted():
+        about = solver.blend(before, now, 1.0 + ahead, False) if ahead else now
         found = beyond_planes(solver, about, COARSE, now.cost)
         if found is not None and not is_near(found, COARSE):
             found = None if ahead else part_way(solver, now, found)
+        idle = 0 if found is not None and now.cost - found.cost > GAINED * now.cost else idle + 1
         if found is not None:
-            idle = idle + 1 if now.cost - found.cost <= GAINED * now.cost else 0
-            now, before = found, now
-            kept = now if now.clear else kept
-            if idle == IDLE:
-                break
-            ahead = min(max(FARTHER * ahead, AHEAD), FARTHEST)
+            now, before, ahead = found, now, min(max(FARTHER * ahead, AHEAD), FARTHEST)
         elif not ahead:
             break
         else:
             ahead = NEARER * ahead if ahead >= AHEAD else 0.0
-    if now is kept:
-        return kept
+    if now is safe:
+        return safe
     last = beyond_planes(solver, now, FINE, most=LASTLY)
     found = raised(solver, last if last is not None and is_near(last, NEARLY) else now)
-    if found is None or found.cost > kept.cost:
-        found = part_way(solver, kept, now, 0.0)
-    return found or kept
+    if found is None or found.cost > safe.cost:
+        found = part_way(solver, safe, now, 0.0)
+    return found or safe
 
 
 def two_impulses(solver: EnergySolver) -> Spent | None:
@@ -251,7 +245,7 @@ def two_impulses(solver: EnergySolver) -> Spent | None:
     for times, _ in islice(two_impulse_plans(problem), HOPS):
         for share in SPREADS:
             arcs = [burned(problem, i, when[0], when[1], share) for i, when in enumerate(times)]
-            plan = solver.of_arcs(arcs, Contacts.none())
+            plan = solver.of_arcs(arcs, Contacts.none(), True)
             if plan.clear:
                 return plan
     return None
