@@ -33,7 +33,7 @@ from closeform.planning.energy.plane_program import ALONE, press
 from closeform.planning.energy.quadratic_program import solve_qp
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.loop import Rounds, run
-from closeform.planning.passive.certification import failures
+from closeform.planning.passive.certification import failures_with_norms
 from closeform.planning.passive.continuous_failures import ContinuousFailures
 from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
@@ -46,7 +46,9 @@ FARTHEST = 100.0
 CROWDED = 250  # planes: more are incompatible
 ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 LEFT = 1e-7  # of a shortfall and a metre: planes that the solution misses by more are incompatible
-HARD = 1e-9  # softness of planes up to which paths are certified
+HARD = 1e-7  # softness of planes up to which paths are certified
+SAMPLED = 1.0 - 1e-4  # norm above which failures that samples missed are searched for
+DEEPER = 1e-6  # zones, by which these are deeper than known ones
 INSIDE = 1.0 - 1e-12  # largest norm of failures that samples missed, and of paths that are not certified
 
 
@@ -182,13 +184,14 @@ class EnergySolver(ImpulseSolver):
         problem = self.problem
         known = contacts.some((contacts.multipliers > 0.0) & ~problem.with_errors(contacts))
         lost, nearest = self.lost.near(trajectories, known)
-        sure = certified and nearest >= 1.0
+        sure = certified and nearest >= SAMPLED
         missed = problem.conflicts(trajectories) if sure or problem.sigmas else []
         fresh = problem.met(missed)
         fresh = fresh.some(~problem.with_errors(fresh))
         if sure and not missed:
             own = problem.path(self.arrived(trajectories))
-            fresh = failures(problem, own, problem.bodies(trajectories))
+            fresh, norms = failures_with_norms(problem, own, problem.bodies(trajectories))
+            fresh = fresh.some(norms < min(nearest, 1.0) - DEEPER * (nearest < 1.0))
         if fresh.number:
             lost, nearest = self.lost.near(trajectories, known.joined(fresh))
         if fresh.number or not certified:

@@ -40,7 +40,7 @@ STARTING = 0.3  # of the effort, for the starts of impulses
 ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distinct ones
 SEARCHING = 0.6  # of the effort: the rest is for the descent from the best start
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
-SOFT, FADE, GIVING = 0.1, 0.5, 1e-7  # softness: initial, decay per round to HARD, of many planes
+SOFT, FADE = 0.1, 0.5  # softness of planes: initial, and decay per round to HARD
 SHALLOW = 0.95
 NEARLY = 1e-2  # shortfall in zones up to which planes are raised
 COARSE, FINE = 1e-4, 1e-5  # accepted shortfall in zones on the way, and before planes are raised
@@ -50,7 +50,7 @@ GIVEN_UP = 2.0  # times the energy to beat
 CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
 RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
 CUTS, CROWDED, LASTLY = 12, 150, 2  # maximum rounds that add planes, and maximum planes; factor of the last
-GAINED, IDLE = 1e-4, 3  # relative saving, and steps below it that end the descent
+GAINED, IDLE = 3e-5, 4  # relative saving, and steps below it that end the descent
 AHEAD, FARTHEST = 0.5, 32.0  # extrapolation in steps, initial and maximum
 FARTHER, NEARER = 2.0, 0.25  # factors of the extrapolation after success and failure
 SHARES = tuple(2.0**-k for k in range(1, 9))  # of the way to paths that are not nearly safe
@@ -185,7 +185,7 @@ def beyond_planes(
     for _ in range(most * CUTS):
         if program.contacts.number > crowded:
             break
-        last = solver.minimise(program, GIVING, solver.least, bar)
+        last = solver.minimise(program, HARD, solver.least, bar)
         if last is None or is_near(last, shortfall):
             break
         program = solver.supported(about, last)
@@ -197,7 +197,7 @@ def beyond_planes(
 
 def part_way(solver: EnergySolver, here: Spent, far: Spent, shortfall: float = COARSE) -> Spent | None:
     """Return nearly safe paths of lower cost a part of the way to others; None without any."""
-    parts = (solver.blend(here, far, share, not shortfall) for share in SHARES)
+    parts = (solver.blend(here, far, share) for share in SHARES)
     return next((part for part in parts if is_near(part, shortfall) and part.cost < here.cost), None)
 
 
