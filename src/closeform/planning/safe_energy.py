@@ -50,7 +50,7 @@ GIVEN_UP = 2.0  # times the energy to beat
 CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
 RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
 CUTS, CROWDED, LASTLY = 12, 150, 2  # maximum rounds that add planes, and maximum planes; factor of the last
-GAINED, IDLE = 3e-5, 4  # relative saving, and steps below it that end the descent
+GAINED = 1e-5
 AHEAD, FARTHEST = 0.5, 32.0  # extrapolation in steps, initial and maximum
 FARTHER, NEARER = 2.0, 0.25  # factors of the extrapolation after success and failure
 SHARES = tuple(2.0**-k for k in range(1, 9))  # of the way to paths that are not nearly safe
@@ -195,10 +195,17 @@ def beyond_planes(
     return last
 
 
-def part_way(solver: EnergySolver, here: Spent, far: Spent, shortfall: float = COARSE) -> Spent | None:
-    """Return nearly safe paths of lower cost a part of the way to others; None without any."""
-    parts = (solver.blend(here, far, share) for share in SHARES)
-    return next((part for part in parts if is_near(part, shortfall) and part.cost < here.cost), None)
+def part_way(solver: EnergySolver, here: Spent, far: Spent, shortfall: float, bar: float) -> Spent | None:
+    """Return nearly safe paths below `bar` a part of the way to others; None without any."""
+    for share in SHARES:
+        part = solver.blend(here, far, share, False)
+        if part.cost > bar:
+            return None
+        if is_near(part, max(shortfall, BEYOND)):
+            part = solver.blend(here, far, share)
+            if is_near(part, shortfall):
+                return part
+    return None
 
 
 def raised(solver: EnergySolver, near: Spent) -> Spent | None:
@@ -217,25 +224,25 @@ def raised(solver: EnergySolver, near: Spent) -> Spent | None:
 
 def descended(solver: EnergySolver, safe: Spent) -> Spent:
     """Return the safe paths of a descent, or the given ones if none is cheaper."""
-    now, before, ahead, idle = safe, safe, 0.0, 0
-    while idle < IDLE and not solver.exhausted():
+    now, before, ahead = safe, safe, 0.0
+    while not solver.exhausted():
         about = solver.blend(before, now, 1.0 + ahead, False) if ahead else now
-        found = beyond_planes(solver, about, COARSE, now.cost)
+        bar = (1.0 - GAINED) * now.cost
+        found, farther = beyond_planes(solver, about, COARSE, bar), FARTHER * ahead
         if found is not None and not is_near(found, COARSE):
-            found = None if ahead else part_way(solver, now, found)
-        idle = 0 if found is not None and now.cost - found.cost > GAINED * now.cost else idle + 1
+            found, farther = None if ahead else part_way(solver, now, found, COARSE, bar), -inf
         if found is not None:
-            now, before, ahead = found, now, min(max(FARTHER * ahead, AHEAD), FARTHEST)
-        elif not ahead:
-            break
-        else:
+            now, before, ahead = found, now, min(max(farther, AHEAD), FARTHEST) if farther >= 0.0 else 0.0
+        elif ahead:
             ahead = NEARER * ahead if ahead >= AHEAD else 0.0
+        else:
+            break
     if now is safe:
         return safe
     last = beyond_planes(solver, now, FINE, most=LASTLY)
     found = raised(solver, last if last is not None and is_near(last, NEARLY) else now)
     if found is None or found.cost > safe.cost:
-        found = part_way(solver, safe, now, 0.0)
+        found = part_way(solver, safe, now, 0.0, safe.cost)
     return found or safe
 
 
