@@ -207,13 +207,12 @@ class EnergySolver(ImpulseSolver):
         return self.problem.with_obstacles(*self.problem.arrived(own.arcs, own.offsets))
 
     def of_arcs(self, arcs: list[Floats], known: Contacts, certified: bool) -> Spent:
-        """Return the result of each craft's arcs, checked at `known` contacts, which get no multipliers."""
+        """Return the result of each craft's arcs, without contacts, checked at `known` ones."""
         offsets = np.cumsum([0, *map(len, arcs)])
         trajectories = self.problem.with_obstacles(np.concatenate(arcs), offsets)
         checked, energy = self.checked(trajectories, known, certified), self.problem.energy(trajectories)
-        known = known._replace(multipliers=np.zeros(known.number))
         none = np.empty((self.problem.count, 0, 3))
-        return Spent(trajectories, energy, energy, checked, known, self.least, [], none, [])
+        return Spent(trajectories, energy, energy, checked, Contacts.none(), self.least, [], none, [])
 
     def blend(self, one: Spent, other: Spent, share: float, certified: bool = True) -> Spent:
         """Return paths a `share` of the way from one to the other, or beyond."""

@@ -15,7 +15,7 @@ impulses are spread over burns.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from math import inf, nan
 
@@ -43,13 +43,13 @@ ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan
 SOFT, FADE = 0.1, 0.5  # softness of planes: initial, and decay per round to HARD
 SHALLOW = 0.95
 NEARLY = 1e-2  # shortfall in zones up to which planes are raised
-COARSE, FINE = 1e-4, 1e-5  # accepted shortfall in zones on the way, and before planes are raised
+COARSE = 1e-4  # accepted shortfall in zones on the way
 DEAR = 10.0  # penalty of a plan, as a share of its energy, for each zone of shortfall
 STEADY = 1e-3  # relative change of energy at which rounds end
 GIVEN_UP = 2.0  # times the energy to beat
 CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
 RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
-CUTS, CROWDED, LASTLY = 12, 150, 2  # maximum rounds that add planes, and maximum planes; factor of the last
+CUTS, CROWDED = 24, 250  # maximum rounds that add planes, and maximum planes
 GAINED = 1e-5
 AHEAD, FARTHEST = 0.5, 32.0  # extrapolation in steps, initial and maximum
 FARTHER, NEARER = 2.0, 0.25  # factors of the extrapolation after success and failure
@@ -134,7 +134,7 @@ def examined(solver: EnergySolver, seed: int, bar: float) -> Spent | None:
         return None
     found = raised(solver, near)
     if found is None:
-        better = beyond_planes(solver, near, COARSE, bar, LASTLY)
+        better = beyond_planes(solver, near, bar)
         found = better and raised(solver, better)
     return found
 
@@ -173,25 +173,20 @@ def is_near(found: Spent, shortfall: float) -> bool:
     return found.worst >= 1.0 - shortfall and found.checked.outside <= OUTSIDE
 
 
-def beyond_planes(
-    solver: EnergySolver, about: Spent, shortfall: float, bar: float = inf, most: int = 1
-) -> Spent | None:
+def beyond_planes(solver: EnergySolver, about: Spent, bar: float) -> Spent | None:
     """Return the paths of minimum energy beyond planes of the paths `about`, nearly safe if all are kept.
 
-    None above `bar`.  The last ones after too many planes: `most` times the usual number.
+    None above `bar`, and the last ones after too many planes.
     """
     program, last = Program(solver.turned(about), []), None
-    crowded = program.contacts.number + most * CROWDED
-    for _ in range(most * CUTS):
-        if program.contacts.number > crowded:
-            break
+    for _ in range(CUTS):
         last = solver.minimise(program, HARD, solver.least, bar)
-        if last is None or is_near(last, shortfall):
+        if last is None or is_near(last, COARSE) or program.contacts.number > CROWDED:
             break
         program = solver.supported(about, last)
-        if last.worst < SHALLOW:
+        if last.worst < SHALLOW:  # planes where these paths are deep inside would lead to others beside them
             part = solver.blend(about, last, (1.0 - SHALLOW) / (1.0 - last.worst), False)
-            program = Program(program.contacts.joined(solver.supported(about, replace(part, contacts=Contacts.none())).contacts), [])
+            program = Program(program.contacts.joined(solver.supported(about, part).contacts), [])
     return last
 
 
@@ -224,26 +219,26 @@ def raised(solver: EnergySolver, near: Spent) -> Spent | None:
 
 def descended(solver: EnergySolver, safe: Spent) -> Spent:
     """Return the safe paths of a descent, or the given ones if none is cheaper."""
-    now, before, ahead = safe, safe, 0.0
+    kept, now, before, ahead = safe, safe, safe, 0.0
     while not solver.exhausted():
         about = solver.blend(before, now, 1.0 + ahead, False) if ahead else now
         bar = (1.0 - GAINED) * now.cost
-        found, farther = beyond_planes(solver, about, COARSE, bar), FARTHER * ahead
+        found, farther = beyond_planes(solver, about, bar), min(max(FARTHER * ahead, AHEAD), FARTHEST)
         if found is not None and not is_near(found, COARSE):
-            found, farther = None if ahead else part_way(solver, now, found, COARSE, bar), -inf
+            found, farther = None if ahead else part_way(solver, now, found, COARSE, bar), 0.0
         if found is not None:
-            now, before, ahead = found, now, min(max(farther, AHEAD), FARTHEST) if farther >= 0.0 else 0.0
+            now, before, ahead = found, now, farther
+            kept = now if now.clear else kept
         elif ahead:
             ahead = NEARER * ahead if ahead >= AHEAD else 0.0
         else:
             break
-    if now is safe:
-        return safe
-    last = beyond_planes(solver, now, FINE, most=LASTLY)
-    found = raised(solver, last if last is not None and is_near(last, NEARLY) else now)
-    if found is None or found.cost > safe.cost:
-        found = part_way(solver, safe, now, 0.0, safe.cost)
-    return found or safe
+    if now is kept:
+        return kept
+    found = raised(solver, now) if now.contacts.number else None
+    if found is None or found.cost > kept.cost:
+        found = part_way(solver, kept, now, 0.0, kept.cost)
+    return found or kept
 
 
 def two_impulses(solver: EnergySolver) -> Spent | None:
