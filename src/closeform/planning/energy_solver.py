@@ -171,7 +171,7 @@ class EnergySolver(ImpulseSolver):
         if self.lost is not None:
             lost = self.lost.turned(clear.trajectories, self.lost.inside(found.trajectories, lost))
         met = met._replace(normals=problem.normals(clear.trajectories, met, -inf))
-        return Program(found.contacts.joined(lost.joined(met)), [])
+        return Program(found.contacts.some(found.contacts.multipliers > 0.0).joined(lost.joined(met)), [])
 
     def checked(self, trajectories: Trajectories, contacts: Contacts, certified: bool = True) -> Checked:
         """Return conflicts of paths, with thrust and after its loss, and the checks of requirements.
