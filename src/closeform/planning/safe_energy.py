@@ -74,7 +74,7 @@ def safe_energy(problem: Problem, budget: int | None, more: bool, waiting: bool)
     solver.closest.trajectories = solver.arrived(solver.closest.trajectories or problem.direct)
     if best is None:
         return Outcome(None, (), nan, solver.least, False, tried, closest=solver.closest, least=least)
-    if best.cost > solver.least_energy and problem.count < FORMATION:
+    if best.cost > solver.least_energy:
         best = descended(solver, best)
     pressing = best.contacts.some(best.contacts.multipliers > 0.0)
     touched = contacts_of(problem, pressing, best.trajectories)
