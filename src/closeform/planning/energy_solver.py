@@ -88,14 +88,9 @@ class EnergySolver(ImpulseSolver):
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the paths of minimum energy that satisfy a program's planes; None above `bar` or without."""
-        by = (
-            self.by_states
-            if self.problem.requirements
-            else self.by_contacts
-            if self.lost is None
-            else self.pressed
-        )
-        solved = by(program.contacts, aim, accuracy)
+        solve = self.by_contacts if self.lost is None else self.pressed
+        solve = self.by_states if self.problem.requirements else solve
+        solved = solve(program.contacts, aim, accuracy)
         if solved is None or self.least_energy + solved.extra > bar:
             return None
         trajectories = solved.trajectories()
@@ -166,12 +161,13 @@ class EnergySolver(ImpulseSolver):
         return planes.joined(found.checked.lost)
 
     def supported(self, clear: Spent, found: Spent) -> Program:
-        """Return the program of found paths, with planes at their conflicts that `clear` paths support."""
+        """Return the active planes of found paths, and planes at their conflicts that `clear` paths keep."""
         problem, lost, met = self.problem, found.checked.lost, self.problem.met(found.checked.missed)
         if self.lost is not None:
             lost = self.lost.turned(clear.trajectories, self.lost.inside(found.trajectories, lost))
         met = met._replace(normals=problem.normals(clear.trajectories, met, -inf))
-        return Program(found.contacts.some(found.contacts.multipliers > 0.0).joined(lost.joined(met)), [])
+        pressing = found.contacts.some(found.contacts.multipliers > 0.0)
+        return Program(pressing.joined(lost).joined(met), [])
 
     def checked(self, trajectories: Trajectories, contacts: Contacts, certified: bool = True) -> Checked:
         """Return conflicts of paths, with thrust and after its loss, and the checks of requirements.
@@ -216,12 +212,9 @@ class EnergySolver(ImpulseSolver):
 
     def blend(self, one: Spent, other: Spent, share: float, certified: bool = True) -> Spent:
         """Return paths a `share` of the way from one to the other, or beyond."""
-        paths, weights = (
-            (self.problem.path(one.trajectories), self.problem.path(other.trajectories)),
-            (1.0 - share, share),
-        )
+        paths, others = self.problem.path(one.trajectories), self.problem.path(other.trajectories)
         arcs = [
-            summed(self.problem, (paths[0][i].arcs, paths[1][i].arcs), weights)
+            summed(self.problem, (paths[i].arcs, others[i].arcs), (1.0 - share, share))
             for i in range(self.problem.count)
         ]
         return self.of_arcs(arcs, one.contacts.joined(other.contacts), certified)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import inf, nan
 
 import numpy as np
@@ -211,15 +211,8 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
     bare = replace(problem, requirements=()) if problem.requirements else problem
     by_energy = cache(lambda: least_energy(bare, more=more, waiting=False))
     try:
-        given = (
-            request.thrusters,
-            names,
-            by_energy,
-            lambda margin: safe_starts(bare, margin),
-            request.budget,
-            more,
-            limits,
-        )
+        searches = by_energy, partial(safe_starts, bare)
+        given = request.thrusters, names, *searches, request.budget, more, limits
         found, free = solve_impulses(problem, *given)
     except TooLittleThrust as little:
         assert limits is not None

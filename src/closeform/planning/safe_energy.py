@@ -3,12 +3,13 @@
 Starts are the planes of the unconstrained paths, shifted by natural motions.  Soft planes turn in rounds
 until no failed craft is deep inside a zone.  Planes that support a zone lie outside it whatever their
 direction, so that paths that satisfy them after all failures are safe.  Planes of nearly safe paths are
-therefore added until the paths of minimum energy for all of them are nearly safe, too, and finally raised by
-the remaining shortfall.                                                                        # theory 4
+raised by the remaining shortfall, or are first added until the paths of minimum energy for all of them are
+nearly safe, too.                                                                               # theory 4
 
 Planes that are turned to the current paths reduce the cost only slightly where failures touch the zone over a
 range of instants.  A step of the descent therefore turns them to an extrapolation of the last two steps,
-farther as long as that lowers the cost.                                                       # theory (75)
+farther as long as that lowers the cost.  Paths that are not nearly safe are followed a part of the way.
+                                                                                               # theory (75)
 
 Where no start leads to safe paths, the descent begins with a safe plan of two impulses and waits, whose
 impulses are spread over burns.
@@ -41,7 +42,7 @@ ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distin
 SEARCHING = 0.6  # of the effort: the rest is for the descent from the best start
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
 SOFT, FADE = 0.1, 0.5  # softness of planes: initial, and decay per round to HARD
-SHALLOW = 0.95
+SHALLOW = 0.95  # norm below which planes are added where a part of the way to these paths enters a zone
 NEARLY = 1e-2  # shortfall in zones up to which planes are raised
 COARSE = 1e-4  # accepted shortfall in zones on the way
 DEAR = 10.0  # penalty of a plan, as a share of its energy, for each zone of shortfall
@@ -50,7 +51,7 @@ GIVEN_UP = 2.0  # times the energy to beat
 CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
 RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
 CUTS, CROWDED = 24, 250  # maximum rounds that add planes, and maximum planes
-GAINED = 1e-5
+GAINED = 1e-5  # of the cost: saving below which a step fails
 AHEAD, FARTHEST = 0.5, 32.0  # extrapolation in steps, initial and maximum
 FARTHER, NEARER = 2.0, 0.25  # factors of the extrapolation after success and failure
 SHARES = tuple(2.0**-k for k in range(1, 9))  # of the way to paths that are not nearly safe
@@ -60,7 +61,7 @@ OUTSIDE = 1.0  # reserves: shortfall of requirements of nearly safe paths
 
 
 def safe_energy(problem: Problem, budget: int | None, more: bool, waiting: bool) -> Outcome:
-    """Return the best safe paths found; see `energy_solver.least_energy` for the arguments.
+    """Return the best safe paths found; see `least_energy.least_energy` for the arguments.
 
     With `waiting`, a plan of two impulses with waits is another start, where the others fail.
     """
@@ -94,10 +95,9 @@ def safe_starts(problem: Problem, margin: float) -> Iterator[Contacts]:
         if problem.effort.beyond(STARTING) or (number >= FIRST_STARTS and len(known) >= ENOUGH):
             return
         found = examined(solver, number, inf)
-        if (
-            found is not None
-            and (np.abs(known - found.cost) > ANOTHER * (found.cost - solver.least_energy)).all()
-        ):
+        if found is None:
+            continue
+        if (np.abs(known - found.cost) > ANOTHER * (found.cost - solver.least_energy)).all():
             known = np.append(known, found.cost)
             yield found.contacts.some(found.contacts.multipliers > 0.0)
 
@@ -238,7 +238,7 @@ def descended(solver: EnergySolver, safe: Spent) -> Spent:
     found = raised(solver, now) if now.contacts.number else None
     if found is None or found.cost > kept.cost:
         found = part_way(solver, kept, now, 0.0, kept.cost)
-    return found or kept
+    return found if found is not None and found.clear else kept
 
 
 def two_impulses(solver: EnergySolver) -> Spent | None:
@@ -288,12 +288,8 @@ def shifts(problem: Problem, seed: int) -> Floats:
         moved[: problem.count] = spread * (2.0 * draws - 1.0)
         return moved
     swing, phase, across, cross_phase, along, d = draws.T
-    swing, across, phase, cross_phase = (
-        SIZE * swing,
-        SIZE * across,
-        2.0 * np.pi * phase,
-        2.0 * np.pi * cross_phase,
-    )
+    swing, across = SIZE * swing, SIZE * across
+    phase, cross_phase = 2.0 * np.pi * phase, 2.0 * np.pi * cross_phase
     parts = (
         *(swing * np.cos(phase), swing * np.sin(phase), DRIFT * (d - 0.5), along - 0.5),
         *(across * np.cos(cross_phase), across * np.sin(cross_phase)),
