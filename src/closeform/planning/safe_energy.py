@@ -219,13 +219,17 @@ def raised(solver: EnergySolver, near: Spent) -> Spent | None:
 
 def descended(solver: EnergySolver, safe: Spent) -> Spent:
     """Return the safe paths of a descent, or the given ones if none is cheaper."""
-    kept, now, before, ahead = safe, safe, safe, 0.0
+    kept, now, before, last, ahead = safe, safe, safe, safe, 0.0
     while not solver.exhausted():
         about = solver.blend(before, now, 1.0 + ahead, False) if ahead else now
         bar = (1.0 - GAINED) * now.cost
-        found, farther = beyond_planes(solver, about, bar), min(max(FARTHER * ahead, AHEAD), FARTHEST)
+        found, farther = beyond_planes(solver, about, bar if ahead else inf), FARTHER * ahead
         if found is not None and not is_near(found, COARSE):
-            found, farther = None if ahead else part_way(solver, now, found, COARSE, bar), 0.0
+            found = None if ahead else part_way(solver, now, found, COARSE, bar)
+            farther = 0.0
+        elif found is not None:
+            last, farther = found, min(max(farther, AHEAD), FARTHEST)
+            found = None if found.cost > bar else found
         if found is not None:
             now, before, ahead = found, now, farther
             kept = now if now.clear else kept
@@ -233,11 +237,10 @@ def descended(solver: EnergySolver, safe: Spent) -> Spent:
             ahead = NEARER * ahead if ahead >= AHEAD else 0.0
         else:
             break
-    if now is kept:
-        return kept
-    found = raised(solver, now) if now.contacts.number else None
-    if found is None or found.cost > kept.cost:
-        found = part_way(solver, kept, now, 0.0, kept.cost)
+    found = raised(solver, last) if last.contacts.number else None
+    if found is not None and found.cost <= (1.0 + COARSE) * kept.cost:
+        return found  # with the multipliers of its own planes
+    found = part_way(solver, kept, now, 0.0, kept.cost) if now is not kept else None
     return found if found is not None and found.clear else kept
 
 
