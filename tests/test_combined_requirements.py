@@ -59,6 +59,22 @@ def sampled_sigmas(path, case):
     return float(case.zone.norm(moved).min())
 
 
+def test_energy_keeps_a_speed_limit_after_any_loss_of_thrust():
+    """Dense states keep the limit that the safe path breaks; integrated failures stay outside the zone."""
+    case = ring_transfers("thirty")[21]
+    times = np.linspace(0.0, case.duration, 4001)
+    safe = planned(21, "energy", drift=case.drift)
+    limit = 0.97 * np.linalg.norm(safe.path.velocity(times), axis=1).max()
+    required = [cf.requirements.SpeedLimit(limit=limit)]
+    slow = planned(21, "energy", requirements=required)
+    both = planned(21, "energy", drift=case.drift, requirements=required)
+    assert np.linalg.norm(both.path.velocity(times), axis=1).max() <= limit
+    assert least_ratio(slow.path.state(times[::20]), times[::20], case.duration + case.drift) < 1.0
+    assert least_ratio(both.path.state(times[::20]), times[::20], case.duration + case.drift) > 1.0 - 1e-5
+    assert both.lower_bound <= both.energy <= 1.05 * max(safe.energy, slow.energy)
+    assert np.abs(both.path.state(case.duration) - case.final).max() < 1e-6
+
+
 def test_burns_are_safe_and_keep_sigmas_and_a_quiet_time():
     """Within a thrust limit, with a loss of thrust, errors and a time without thrust."""
     case = ring_transfers("thirty")[5]

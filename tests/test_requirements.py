@@ -414,7 +414,6 @@ def test_end_outside_is_refused_with_its_reason():
     ("call", "message"),
     [
         (lambda: planned(QUIET, cost="energy"), "requirements: at minimum energy"),
-        (lambda: planned(CONE, cost="energy", drift=1.0), "^drift: "),
         (lambda: planned(3.0), "requirements: "),
         (lambda: cf.requirements.ApproachCone(axis=[0, 0, 0], half_angle=0.1, radius=1), "axis: "),
         (lambda: cf.requirements.ApproachCone(axis=ASTERN, half_angle=2.0, radius=1), "half_angle: "),

@@ -1,4 +1,4 @@
-"""Minimum energy by planes: at k sigma, or with requirements on the states of single craft.
+"""Minimum energy by planes: at k sigma, after a loss of thrust, or with requirements on single craft.
 
 As with impulses, a round solves the program of planes a . x(t) >= b in the states of craft, and turns them.
 Thrust is continuous and equal to the primer p, a natural motion that jumps at a plane of multiplier m:
@@ -7,16 +7,15 @@ Thrust is continuous and equal to the primer p, a natural motion that jumps at a
 
 The state is linear in the primers' starts and jumps.  The ends fix the starts, so that the program is the
 quadratic one of the multipliers.  It is solved exactly, and without planes of zones its minimum is a lower
-bound on the energy of all paths that keep the requirements.
+bound on the energy of all paths that keep the requirements.  After a loss of thrust a craft feels a plane at
+that instant, with a propagated back by natural motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from itertools import chain, islice
-from math import inf, nan
-from typing import NamedTuple
+from collections.abc import Callable
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,59 +24,32 @@ from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, path_of
-from closeform.planning.delta_v.checks import Spent
-from closeform.planning.delta_v.delta_v_search import outcome_of, starts
+from closeform.planning.delta_v.checks import Checked, Spent
 from closeform.planning.delta_v.dual.fleet import Planes
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_solver import SHARED, ImpulseSolver, Program, beside
+from closeform.planning.energy.local_solver import SURE
+from closeform.planning.energy.plane_program import ALONE, press
 from closeform.planning.energy.quadratic_program import solve_qp
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.loop import Rounds, run
-from closeform.planning.minimum_energy import Outcome, solve
+from closeform.planning.passive.certification import failures_with_norms
+from closeform.planning.passive.continuous_failures import ContinuousFailures
 from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 
-ONE, MANY, MORE = 8, 4, 3  # starts for one craft and for many; factor where none of these is clear
 ROUNDS, SETTLED, NEARLY = 60, 1e-9, 1.0 - 1e-6  # of the loop: at most, and where they end or planes move out
 TOUCHED = 1.02  # of zone and sigmas: closer pairs get a plane
 ALIKE = 1e-4  # of a pair's window: closer contacts are merged
 GIVEN_UP, FIRST = 1.3, 6  # times the energy to beat, after FIRST rounds
+FARTHEST = 100.0  # zones: maximum displacement by planes; beyond it they are incompatible
 CROWDED = 250  # planes: more are incompatible
+ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 LEFT = 1e-7  # of a shortfall and a metre: planes that the solution misses by more are incompatible
-
-
-def least_energy(
-    problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True
-) -> Outcome:
-    """Return the best paths of minimum energy, from the search that the requirements need.
-
-    See `minimum_energy.solve` for the arguments.
-    """
-    if problem.drift is not None or not (problem.sigmas or problem.requirements):
-        return solve(problem, budget, more, waiting)
-    solver = EnergySolver(problem)
-    free, best, tried = solver.unconstrained(), None, 0
-    solver.closest.note(free.checked.worst, free.trajectories, free.checked.outside)
-    most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
-    for start in islice(chain(sides(problem), starts(solver, free, lambda: solve(problem))), most):
-        found = solver.solve(start, inf if best is None else best.cost)
-        best = found if best is None or (found is not None and found.cost < best.cost) else best
-        tried += 1
-    least = solver.requirement_bound() if problem.requirements else 0.0
-    if best is None:
-        return Outcome(None, (), nan, MARGINS[0], False, tried, closest=solver.closest, least=least)
-    clear = outcome_of(solver, best, tried)
-    return replace(clear, extra=best.cost - solver.least_energy, delta_v=nan, least=min(least, best.cost))
-
-
-def sides(problem: Problem) -> Iterator[Contacts]:
-    """Yield starts for zones with sigmas."""
-    if problem.sigmas:
-        from closeform.planning.sigmas.sigma_problem import SigmaProblem
-        from closeform.planning.sigmas.sigma_sides import sides_of_enlarged
-
-        assert isinstance(problem, SigmaProblem)
-        yield from sides_of_enlarged(problem, MARGINS[0])
+HARD = 1e-7  # softness of planes up to which paths are certified
+SAMPLED = 1.0 - 1e-4  # norm above which failures that samples missed are searched for
+DEEPER = 1e-6  # zones, by which these are deeper than known ones
+INSIDE = 1.0 - 1e-12  # largest norm of failures that samples missed, and of paths that are not certified
 
 
 class Solved(NamedTuple):
@@ -91,9 +63,11 @@ class Solved(NamedTuple):
 class EnergySolver(ImpulseSolver):
     """Solver of one problem from any contacts, by continuous thrust; `delta_v` of results is their energy."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, margin: float = MARGINS[0]) -> None:
         super().__init__(problem, (None,) * problem.count, ("",) * problem.count)
-        self.least_energy, self.least = problem.energy(problem.direct), MARGINS[0]
+        self.least_energy = problem.energy(problem.direct)
+        self.least = margin if problem.beside is None else max(margin, SURE)
+        self.lost = None if problem.drift is None else ContinuousFailures(problem)
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
         """Return the lowest-cost clear paths found from a start; None without any well below `bar`."""
@@ -114,17 +88,27 @@ class EnergySolver(ImpulseSolver):
 
     def minimise(self, program: Program, accuracy: float, aim: float, bar: float) -> Spent | None:
         """Return the paths of minimum energy that satisfy a program's planes; None above `bar` or without."""
-        solved = (self.by_states if self.problem.requirements else self.by_contacts)(program.contacts, aim)
+        solve = self.by_contacts if self.lost is None else self.pressed
+        solve = self.by_states if self.problem.requirements else solve
+        solved = solve(program.contacts, aim, accuracy)
         if solved is None or self.least_energy + solved.extra > bar:
             return None
         trajectories = solved.trajectories()
-        checked = self.checked(trajectories, solved.contacts)
+        checked = self.checked(trajectories, solved.contacts, accuracy <= HARD)
         self.requirements.relinearise(trajectories, checked.required)
         self.closest.note(checked.worst, trajectories, checked.outside)
         none, energy = np.empty((self.problem.count, 0, 3)), self.least_energy + solved.extra
         return Spent(trajectories, energy, energy, checked, solved.contacts, aim, [], none, [])
 
-    def by_contacts(self, contacts: Contacts, aim: float) -> Solved | None:
+    def pressed(self, contacts: Contacts, aim: float, soft: float) -> Solved | None:
+        """Return the solution for planes of contacts, fast and with softness; None without any."""
+        assert self.lost is not None
+        pushed = contacts.first(contacts.number)
+        self.problem.effort.used += contacts.number**2  # a pair of planes costs as much as a sample
+        extra = press(self.lost.scene, pushed, aim, soft, inf, FARTHEST)
+        return Solved(pushed, extra, lambda: self.problem.trajectories(pushed)) if extra < inf else None
+
+    def by_contacts(self, contacts: Contacts, aim: float, soft: float = 0.0) -> Solved | None:
         """Return the solution for planes of contacts, by the kernel of the problem; None without any."""
         (motions, kernel), normals = self.problem.unconstrained(contacts), contacts.normals
         kernel = kernel.reshape(contacts.number, 3, contacts.number, 3)
@@ -133,12 +117,15 @@ class EnergySolver(ImpulseSolver):
         pushed = contacts._replace(multipliers=multipliers)
         return Solved(pushed, extra, lambda: self.problem.trajectories(pushed)) if extra < inf else None
 
-    def by_states(self, contacts: Contacts, aim: float) -> Solved | None:
+    def by_states(self, contacts: Contacts, aim: float, soft: float = 0.0) -> Solved | None:
         """Return the solution for planes of contacts and of requirements; None without any."""
         planes, number = self.planes(contacts, aim), contacts.number
+        if self.lost is not None:  # whose zones with edges are rounded
+            planes.misses[:number] += aim * (self.lost.scene.aims[self.problem.kinds[contacts.which]] - 1.0)
         if len(planes.times) > CROWDED:
             return None
-        multipliers, begun, extra = self.multipliers(planes)
+        self.problem.effort.used += len(planes.times) ** 2
+        multipliers, begun, extra = self.multipliers(planes, soft)
         if extra == inf:
             return None
         self.requirements.keep(multipliers[number:])
@@ -155,7 +142,11 @@ class EnergySolver(ImpulseSolver):
         A contact that is farther from an approach also keeps its own time, which damps the rounds.
         """
         problem, fresh = self.problem, []
+        if self.lost is not None and not problem.sigmas:
+            return found.checked.lost
         pressing = found.contacts.some(found.contacts.multipliers > 0.0)
+        if self.lost is not None:
+            pressing = pressing.some(problem.with_errors(pressing))
         times, (start, end) = pressing.times.copy(), problem.windows[0].T
         for pair, row in problem.conflicts(found.trajectories, TOUCHED):
             k = problem.index[pair]
@@ -166,7 +157,66 @@ class EnergySolver(ImpulseSolver):
                 fresh.append((pair, np.array([*row[:2], time, row[3]])))
         planes = pressing._replace(times=times).joined(problem.met(fresh))
         _, once = np.unique(np.column_stack([planes.which, planes.times]), axis=0, return_index=True)
-        return beside(problem, found.trajectories, planes.some(np.sort(once)))
+        planes = beside(problem, found.trajectories, planes.some(np.sort(once)))
+        return planes.joined(found.checked.lost)
+
+    def supported(self, clear: Spent, found: Spent, program: Program) -> Program:
+        """Return a program with added planes at conflicts of found paths that `clear` paths keep."""
+        problem, lost, met = self.problem, found.checked.lost, self.problem.met(found.checked.missed)
+        if self.lost is not None:
+            lost = self.lost.turned(clear.trajectories, self.lost.inside(found.trajectories, lost))
+        met = met._replace(normals=problem.normals(clear.trajectories, met, -inf))
+        return program._replace(contacts=program.contacts.joined(lost.joined(met)))
+
+    def checked(self, trajectories: Trajectories, contacts: Contacts, certified: bool = True) -> Checked:
+        """Return conflicts of paths, with thrust and after its loss, and the checks of requirements.
+
+        With a loss of thrust, conflicts that are not at k sigma are among the failures, and paths that are
+        not to be `certified` are at most nearly safe.
+        """
+        if self.lost is None:
+            return super().checked(trajectories, contacts)
+        problem = self.problem
+        known = contacts.some((contacts.multipliers > 0.0) & ~problem.with_errors(contacts))
+        lost, nearest = self.lost.near(trajectories, known)
+        sure = certified and nearest >= SAMPLED
+        missed = problem.conflicts(trajectories) if sure or problem.sigmas else []
+        fresh = problem.met(missed)
+        fresh = fresh.some(~problem.with_errors(fresh))
+        if sure and not missed:
+            own = problem.path(self.arrived(trajectories))
+            fresh, norms = failures_with_norms(problem, own, problem.bodies(trajectories))
+            fresh = fresh.some(norms < min(nearest, 1.0) - DEEPER * (nearest < 1.0))
+        if fresh.number:
+            lost, nearest = self.lost.near(trajectories, known.joined(fresh))
+        if fresh.number or not certified:
+            nearest = min(nearest, INSIDE)
+        required = problem.requirement_checks(self.arrived(trajectories)) if problem.requirements else []
+        return Checked(missed, lost, nearest, required)
+
+    def arrived(self, trajectories: Trajectories) -> Trajectories:
+        """Return paths without the drift after the last arrival."""
+        if self.lost is None:
+            return trajectories
+        own = self.problem.path(trajectories)
+        return self.problem.with_obstacles(*self.problem.arrived(own.arcs, own.offsets))
+
+    def of_arcs(self, arcs: list[Floats], known: Contacts, certified: bool) -> Spent:
+        """Return the result of each craft's arcs, without contacts, checked at `known` ones."""
+        offsets = np.cumsum([0, *map(len, arcs)])
+        trajectories = self.problem.with_obstacles(np.concatenate(arcs), offsets)
+        checked, energy = self.checked(trajectories, known, certified), self.problem.energy(trajectories)
+        none = np.empty((self.problem.count, 0, 3))
+        return Spent(trajectories, energy, energy, checked, Contacts.none(), self.least, [], none, [])
+
+    def blend(self, one: Spent, other: Spent, share: float, certified: bool = True) -> Spent:
+        """Return paths a `share` of the way from one to the other, or beyond."""
+        paths, others = self.problem.path(one.trajectories), self.problem.path(other.trajectories)
+        arcs = [
+            summed(self.problem, (paths[i].arcs, others[i].arcs), (1.0 - share, share))
+            for i in range(self.problem.count)
+        ]
+        return self.of_arcs(arcs, one.contacts.joined(other.contacts), certified)
 
     def following(self, found: Spent) -> list[Moments]:
         """Return no firing times: thrust is continuous."""
@@ -186,33 +236,43 @@ class EnergySolver(ImpulseSolver):
         extra = self.multipliers(self.requirements.placed())[2]
         return self.least_energy + (0.0 if extra == inf else extra)
 
-    def multipliers(self, planes: Planes) -> tuple[Floats, Floats, float]:
+    def multipliers(self, planes: Planes, soft: float = 0.0) -> tuple[Floats, Floats, float]:
         """Return the planes' multipliers (K,), the primers' starts (N, 6), and the energy beyond the least.
 
-        The energy is inf for incompatible planes.
+        The energy is inf for incompatible planes.  Planes give way by `soft` of their own compliance.
         """
         count, base, orbit = len(planes.times), self.problem.base, self.problem.orbit
         gram, gaps, begun, ways = np.zeros((count, count)), planes.misses.copy(), [], []
         for i, (begin, end) in enumerate(base[:, [START, END]]):
-            side = 1.0 * (planes.first == i) - 1.0 * (planes.second == i)
-            felt, jumps = np.flatnonzero(side), side[:, None] * self.jumps(planes.rows)
-            times, rows = planes.times[felt], side[felt, None] * planes.rows[felt]
+            felt, times, rows = self.felt(i, planes)
+            jumps = self.jumps(rows)
             inverse = np.linalg.inv(responses(orbit, np.array([end - begin]))[0])
             missing = self.finals[i] - orbit.transition(end - begin) @ base[i, STATE:THRUST]
             start = inverse @ missing
             early, late = responses(orbit, times - begin), responses(orbit, end - times)
             between = responses(orbit, np.maximum(times[:, None] - times, 0.0).ravel())
-            ahead = np.einsum("lmab,mb->lma", between.reshape(len(times), len(times), 6, 6), jumps[felt])
-            back = np.einsum("ab,mbc,mc->ma", inverse, late, jumps[felt])  # of the start, by a multiplier
+            ahead = np.einsum("lmab,mb->lma", between.reshape(len(times), len(times), 6, 6), jumps)
+            back = np.einsum("ab,mbc,mc->ma", inverse, late, jumps)  # of the start, by a multiplier
             moved = ahead - np.einsum("lab,mb->lma", early, back)
             gram[np.ix_(felt, felt)] += np.einsum("la,lma->lm", rows, moved)
             gaps[felt] -= np.einsum("la,lab,b->l", rows, early, start)
             begun.append(start)
             ways.append((felt, back))
-        multipliers, energy = quadratic_minimum(0.5 * (gram + gram.T), gaps)
+        multipliers, energy = quadratic_minimum(0.5 * (gram + gram.T), gaps, soft)
         for start, (felt, back) in zip(begun, ways, strict=True):
             start -= multipliers[felt] @ back
         return multipliers, np.array(begun), energy
+
+    def felt(self, i: int, planes: Planes) -> tuple[Any, Floats, Floats]:
+        """Return the indices (L,) of planes that craft i feels, and when, and their rows (L, 6) in its state.
+
+        After a loss of thrust a plane is felt at that instant.
+        """
+        side = 1.0 * (planes.first == i) - 1.0 * (planes.second == i)
+        felt = np.flatnonzero(side)
+        times = np.where(planes.first[felt] == i, planes.cuts[felt, 0], planes.cuts[felt, 1])
+        flow = self.problem.orbit.transition(planes.times[felt] - times)
+        return felt, times, side[felt, None] * (planes.rows[felt, None] @ flow)[:, 0]
 
     def jumps(self, rows: Floats) -> Floats:
         """Return the jumps (K, 6) of thrust and its rate at planes of rows (K, 6), for a multiplier of 1."""
@@ -223,22 +283,22 @@ class EnergySolver(ImpulseSolver):
     def thrusting(self, i: int, planes: Planes, multipliers: Floats, begun: Floats) -> Path:
         """Return the path of a craft from the start `begun` (6,) of its primer, which jumps at planes."""
         orbit, arc = self.problem.orbit, self.problem.base[i].copy()
-        side = 1.0 * (planes.first == i) - 1.0 * (planes.second == i)
-        pushes = (side * multipliers)[:, None] * self.jumps(planes.rows)
+        felt, times, felt_rows = self.felt(i, planes)
+        pushes = multipliers[felt, None] * self.jumps(felt_rows)
         arc[THRUST:PUSH], end, rows = begun, arc[END], []
-        for k in np.argsort(planes.times, kind="stable"):
-            if not pushes[k].any() or not arc[START] < planes.times[k] < end:
-                if pushes[k].any() and planes.times[k] == arc[START]:
+        for k in np.argsort(times, kind="stable"):
+            if not pushes[k].any() or not arc[START] < times[k] < end:
+                if pushes[k].any() and times[k] == arc[START]:
                     arc[THRUST:PUSH] += pushes[k]  # planes at one time share an arc
                 continue
             rows.append(arc.copy())
-            rows[-1][END] = planes.times[k]
-            lasts, state, thrust = planes.times[k] - arc[START], arc[STATE:THRUST], arc[THRUST:PUSH]
+            rows[-1][END] = times[k]
+            lasts, state, thrust = times[k] - arc[START], arc[STATE:THRUST], arc[THRUST:PUSH]
             flow, response = orbit.transition(lasts), responses(orbit, np.array([lasts]))[0]
             state[:], thrust[:] = flow @ state + response @ thrust, flow @ thrust + pushes[k]
-            arc[START] = planes.times[k]
+            arc[START] = times[k]
         path = Path(orbit, np.array([*rows, arc]), np.array([0, len(rows) + 1]), ())
-        return extended(path, self.problem.first, self.problem.arrival)
+        return extended(path, self.problem.first, self.problem.last)
 
 
 def responses(orbit: Orbit, times: Floats) -> Floats:
@@ -250,12 +310,41 @@ def responses(orbit: Orbit, times: Floats) -> Floats:
     return paths._evaluate_rows(np.broadcast_to(times, (6, len(times)))).transpose(1, 2, 0)
 
 
-def quadratic_minimum(gram: Floats, gaps: Floats) -> tuple[Floats, float]:
-    """Return multipliers m >= 0 (K,) with gram m >= gaps, and m . gram m / 2; inf without any."""
+def quadratic_minimum(gram: Floats, gaps: Floats, soft: float = 0.0) -> tuple[Floats, float]:
+    """Return multipliers m >= 0 (K,) with gram m >= gaps, and m . gram m / 2; inf without any.
+
+    Planes give way by `soft` of their own compliance.
+    """
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
     scaled, target = scale[:, None] * gram * scale, scale * gaps
     found, count = np.zeros(len(gaps)), len(gaps)
-    solve_qp(scaled, target, count, np.zeros(count, dtype=bool), 0.0, np.empty((count, count)), found)
+    solve_qp(scaled, target, count, np.zeros(count, dtype=bool), soft, np.empty((count, count)), found)
     short = ((target - scaled @ found) / (scale * (1.0 + np.abs(gaps)))).max(initial=0.0)
+    pulled = (found / (scale * (1.0 + np.abs(gaps)))).max(initial=0.0)  # by the plane itself
+    compatible = pulled < ALONE if soft else short <= LEFT
     multipliers: Floats = scale * found
-    return multipliers, 0.5 * float(found @ scaled @ found) if short <= LEFT else inf
+    return multipliers, 0.5 * float(found @ scaled @ found) if compatible else inf
+
+
+def summed(problem: Problem, each: tuple[Floats, Floats], weights: tuple[float, float]) -> Floats:
+    """Return the arcs of a weighted sum of two motions of one craft over the same time."""
+    edges = np.unique(np.concatenate([own[:, [START, END]].ravel() for own in each]))
+    short = ROUNDING * (edges[-1] - edges[0])
+    edges = edges[np.append(True, np.diff(edges) > short)]
+    arcs = np.zeros((len(edges) - 1, WIDTH))
+    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], problem.orbit._column
+    for own, weight in zip(each, weights, strict=True):
+        rows = own[np.maximum(np.searchsorted(own[:, START], edges[:-1] + short, "right") - 1, 0)]
+        passed = edges[:-1] - rows[:, START]
+        turned = problem.orbit.transition(passed, rows[:, START]) @ rows[:, THRUST : THRUST + 6, None]
+        arcs[:, STATE : STATE + 6] += weight * states(problem, rows, edges[:-1])
+        arcs[:, THRUST : THRUST + 6] += weight * turned[..., 0]
+        arcs[:, PUSH : PUSH + 3] += weight * rows[:, PUSH : PUSH + 3]
+    return arcs
+
+
+def states(problem: Problem, arcs: Floats, times: Floats) -> Floats:
+    """Return the state (K, 6) on each arc at its own time."""
+    rows = path_of(problem.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
+    found: Floats = rows._evaluate_rows(times[:, None])[:, 0]
+    return found

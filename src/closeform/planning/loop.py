@@ -19,9 +19,9 @@ paths: `init` begins, `step` does a round, `done` ends the loop of `run`.  There
 From a problem to a plan:
 
 1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
-2. `planner.planned` keeps clear paths, or calls `energy_solver.least_energy` or
+2. `planner.planned` keeps clear paths, or calls `least_energy.least_energy` or
    `delta_v_search.solve_impulses`.  Where none are found, `violations` names what remains.
-3. A search (`delta_v/delta_v_search`, `passive/passive_search`, `energy_solver`) proposes starts:
+3. A search (`delta_v/delta_v_search`, `safe_energy`, `least_energy`) proposes starts:
    planes on different sides of the zones.  A method above leads from each start to clear paths; the best
    are kept.
 4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/impulse_bound` bound the cost of all clear
@@ -30,12 +30,11 @@ From a problem to a plan:
 The task for each cost (row) and requirement (column); one task combines all the columns in which it stands:
 
                     zones            k sigma          loss of thrust    states          thrust
-    energy          `energy/`        EnergySolver     SafeTask          EnergySolver    refused
+    energy          `energy/`        EnergySolver     EnergySolver      EnergySolver    refused
     impulses        ImpulseSolver    ImpulseSolver    ImpulseSolver     ImpulseSolver   ImpulseSolver
     burns           BurnSolver       BurnSolver       BurnSolver        BurnSolver      BurnSolver
     pulses          PulseSolver      PulseSolver      PulseSolver       PulseSolver     PulseSolver
 
-At minimum energy SafeTask combines zones, k sigma and loss of thrust, EnergySolver all but the last.
 `energy/` is compiled for plain zones and does not use this loop.  Pulses are planned only where thrust may be
 lost, near safe impulses.
 

@@ -55,27 +55,12 @@ class Outcome:
         return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
 
 
-def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
+def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:
     """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
 
-    The problem has zones alone, or a loss of thrust.  Zones are enlarged only by what rounding requires, and
-    by more only if no clear path is found.  With `waiting`, passively safe paths are otherwise blended from a
-    two-impulse plan with waits.
+    The problem has zones alone.  They are enlarged only by what rounding requires, and by more only if no
+    clear path is found.
     """
-    if problem.drift is not None:
-        from closeform.planning.passive.passive_search import PassiveSearch
-
-        search = PassiveSearch(problem, MARGINS[0], budget, more)
-        passive = replace(outcome(search.run()), closest=search.rounds.closest)
-        if passive.trajectories is not None or not waiting:
-            return passive
-        from closeform.planning.passive.two_impulse_blend import blended_plan
-
-        trajectories = blended_plan(problem, MARGINS[1])
-        if trajectories is None:
-            return passive
-        extra = max(problem.energy(trajectories) - problem.energy(problem.direct), 0.0)
-        return Outcome(trajectories, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
     searches = []
     for margin in MARGINS if problem.count == 1 else MARGINS[:1]:
         searches.append(Search(problem, margin, budget, more).run())
@@ -89,7 +74,7 @@ def is_passive(problem: Problem, own: Path, trajectories: Trajectories) -> bool:
     """Return whether paths (N,) are passively safe among all bodies; True for a problem without `drift`."""
     if problem.drift is None:
         return True
-    from closeform.planning.passive.passive_search import failures
+    from closeform.planning.passive.certification import failures
 
     return not failures(problem, own, problem.bodies(trajectories)).number
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import inf, nan
 
 import numpy as np
@@ -32,8 +32,8 @@ from closeform.planning.delta_v.delta_v_search import (
 from closeform.planning.delta_v.impulse_bound import ImpulseBound
 from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from closeform.planning.energy.side_search import MARGINS, Found
-from closeform.planning.energy_solver import least_energy
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
+from closeform.planning.least_energy import least_energy
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
@@ -42,6 +42,7 @@ from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak
 from closeform.planning.problem.problem import Problem, Trajectories, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
+from closeform.planning.safe_energy import safe_starts
 from closeform.planning.slots import revised
 from closeform.planning.violations import violations
 from closeform.zones.padding import Short
@@ -219,10 +220,11 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         if problem.drift is not None or not free.checked.clear:
             status, pair, reason = none
             return replace(beside(plan, problem, free), status=status, reason=reason, blocked=pair)
-    bare = replace(problem, requirements=()) if problem.requirements and problem.drift is None else problem
+    bare = replace(problem, requirements=()) if problem.requirements else problem
     by_energy = cache(lambda: least_energy(bare, more=more, waiting=False))
     try:
-        given = request.thrusters, names, by_energy, request.budget, more, limits
+        searches = by_energy, partial(safe_starts, bare)
+        given = request.thrusters, names, *searches, request.budget, more, limits
         found, free = solve_impulses(problem, *given)
     except TooLittleThrust as little:
         assert limits is not None
@@ -457,13 +459,13 @@ def bound_of(problem: Problem, request: Request, plan: Plan, fixed: bool) -> Ene
     relaxed, missed, failures = problem.relaxed, None, None
     if problem.drift is not None:
         from closeform.planning.delta_v.thrust_loss import ImpulseFailures
-        from closeform.planning.passive.passive_search import failures_with_norms
+        from closeform.planning.passive.certification import failures_with_norms
 
         def missed(contacts: Contacts) -> tuple[Contacts, Floats]:
             bodies = relaxed.bodies(relaxed.trajectories(contacts))
             return failures_with_norms(relaxed, relaxed.path(relaxed.planned(contacts)), bodies)
 
-        failures = ImpulseFailures(relaxed)
+        failures = ImpulseFailures(relaxed, lambda _: iter(()))
     if plan.cost == "energy":
         return EnergyBound(problem, plan.contacts, missed, fixed)
     solver = ImpulseSolver(relaxed, request.thrusters, request.names, failures)

@@ -274,7 +274,6 @@ class Request:
                         "allow; set cost 'delta-v', or omit this requirement"
                     )
             unsupported = {
-                "drift": self.drift is not None,
                 "method": self.method not in ("joint", "exact"),
             }
             for name, given in unsupported.items():

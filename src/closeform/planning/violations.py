@@ -30,7 +30,7 @@ def conflicts(problem: Problem, trajectories: Trajectories, names: Sequence[str]
     met = problem.conflicts(whole)
     every, ratios = problem.met(met), np.array([row[3] for _, row in met])
     if problem.drift is not None:
-        from closeform.planning.passive.passive_search import failures_with_norms  # needs kernels of its own
+        from closeform.planning.passive.certification import failures_with_norms  # needs kernels of its own
 
         failed, norms = failures_with_norms(problem, problem.path(trajectories), problem.bodies(whole))
         every, ratios = every.joined(failed), np.append(ratios, norms)

@@ -296,7 +296,7 @@ class Avoid(Clearing):
             # at minimum energy a craft thrusts all the time, and only its states can be restricted
             on_states = "corridor", "speed_limit", "waypoints"
             needing = [key for key in self.path_requirements if key not in on_states]
-            also = {"drift": self.plans_drift, "method": not self.is_exact}
+            also = {"method": not self.is_exact}
             if needing:
                 yield f'{needing[0]} needs cost = "delta-v"; add it'
             first = self.path_requirements[0]

@@ -49,11 +49,14 @@ def solve_impulses(
     thrusters: Sequence[Thrusters | None],
     names: Sequence[str],
     by_energy: Callable[[], Outcome],
+    safe_starts: Callable[[float], Iterator[Contacts]],
     budget: int | None = None,
     more: bool = False,
     limits: Floats | None = None,
 ) -> tuple[Outcome, Spent]:
     """Return the best paths of minimum delta-v, and the unconstrained optima; `budget` limits the starts.
+
+    `safe_starts` yields contacts of passively safe paths for zones enlarged by a margin.
 
     Burns are within `limits` (N,) [m/s^2], if given.  If no impulses are clear, craft without thrusters
     receive the paths of minimum energy of `by_energy`, with their delta-v.  Raises ValueError, naming the
@@ -63,7 +66,7 @@ def solve_impulses(
     if problem.drift is not None:
         from closeform.planning.delta_v.thrust_loss import ImpulseFailures
 
-        failures = ImpulseFailures(problem)
+        failures = ImpulseFailures(problem, safe_starts)
         problem.effort.allow(problem.count, budget, MORE * (ONE if problem.count == 1 else MANY))
     impulses = ImpulseSolver(problem, thrusters, names, failures)
     if limits is None:

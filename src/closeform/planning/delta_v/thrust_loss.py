@@ -7,7 +7,7 @@ failure has an instant of its own.
 # theory (74)
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any
 
@@ -21,17 +21,14 @@ from closeform.planning.delta_v.checks import Checked, drifting
 from closeform.planning.delta_v.dual.fleet import BRIEF
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.energy.side_search import MARGINS
+from closeform.planning.passive.certification import failures
 from closeform.planning.passive.failure_minima import find_failures
-from closeform.planning.passive.passive_search import PassiveSearch, failures
 from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import scaled_norm
 
 ROOM = 600  # capacity for minima, for each pair
-STARTS, MORE_STARTS = 16, 64  # starts for minimum energy, and where these give fewer than ENOUGH paths
-STARTING = 0.3  # of the effort: the rest is for delta-v
-ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distinct ones
 TOUCHING = 1.02  # zones: a plane that is farther away is not a contact
 REACH = 1.4  # zones, within which a minimum becomes a plane
 AMID = (np.arange(32) + 0.5) / 32  # shares of an impulse after which thrust is lost
@@ -46,7 +43,8 @@ class ImpulseFailures:
 
     holding = False
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, safe_starts: Callable[[float], Iterator[Contacts]]) -> None:
+        self.safe_starts = safe_starts
         self.known: dict[float, tuple[list[Contacts], Iterator[Contacts]]] = {}
         self.problem, self.scene = problem, problem.seen
         self.room = Contacts.none(ROOM * (1 + len(problem.pairs)))
@@ -88,7 +86,7 @@ class ImpulseFailures:
 
         Each path is sought once, whichever solver asks for it.
         """
-        found, others = self.known.setdefault(margin, ([], self.safe_paths(margin)))
+        found, others = self.known.setdefault(margin, ([], self.safe_starts(margin)))
         for k in count():
             if k == len(found):
                 another = next(others, None)
@@ -96,20 +94,6 @@ class ImpulseFailures:
                     return
                 found.append(another)
             yield found[k]
-
-    def safe_paths(self, margin: float) -> Iterator[Contacts]:
-        """Yield contacts of passively safe paths of minimum energy from random starts."""
-        search, known = PassiveSearch(self.problem, margin, None, False), np.empty(0)
-        for number in range(MORE_STARTS + STARTS):
-            if self.problem.effort.beyond(STARTING):
-                return
-            walking = number >= MORE_STARTS
-            if number >= STARTS and len(known) >= (1 if walking else ENOUGH):
-                return
-            found = search.examine(number % MORE_STARTS, walking)
-            if found.clear and (np.abs(known - found.energy) > ANOTHER * found.energy).all():
-                known = np.append(known, found.energy)
-                yield found.contacts
 
     def brief(self, trajectories: Trajectories) -> Trajectories:
         """Return the paths with impulses as brief burns, amid which thrust may be lost."""
