@@ -221,17 +221,18 @@ def solve_local(scene, sides, count, bar, soft, accuracy, room):
         elif turn - latest > HOPELESS:
             break
         if short < NEARLY:
-            if (turn > 0 and energy > GIVEN_UP * bar) or energy - bar > PACE * abs(before - energy):
+            if turn > 0 and energy > GIVEN_UP * bar:
                 break
+            beaten = energy - bar > PACE * abs(before - energy)
             steady = short < ENOUGH and abs(energy - before) <= STEADY * energy and moved <= accuracy
             before = energy
-            if steady or turn >= LATE:
+            if steady or beaten or turn >= LATE:
                 energy = raise_planes(
                     scene, contacts, count, short, gram, gaps, work, factors, paths, samples, found
                 )
                 if energy < least_energy:
                     kept, least_energy = copy_contacts(contacts, count, best), energy
-                if steady and least_energy < inf:
+                if beaten or (steady and least_energy < inf):
                     break
         same = total == count
         for k in range(min(count, total)):

@@ -14,7 +14,8 @@ from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 from closeform.zones.shapes import BALL
 
-SAME = 1e-5  # relative difference of the energies of equal solutions
+SAME = 1e-3  # relative difference of the energies of equal solutions
+NOISE = 1e-5  # of the energy: accuracy of a candidate
 EXACT = 1e-9  # of windows and normals: accuracy of the contacts of the best solution
 POWER = 4.0  # of the norms that round edges
 FINER = 3  # maximum rounds with conflicts that samples missed
@@ -104,7 +105,7 @@ class LocalSolver:
     def settled(self, solution: Solution) -> Solution:
         """Return a certified solution with its contacts at the closest approaches, where these settle."""
         exact = self.relaxed(solution.contacts, nearer(self.problem), inf, 0.0, EXACT)
-        as_cheap = exact.energy <= (1.0 + SAME) * solution.energy
+        as_cheap = exact.energy <= (1.0 + NOISE) * solution.energy
         return exact if as_cheap and not self.problem.conflicts(exact.trajectories) else solution
 
     def relaxed(

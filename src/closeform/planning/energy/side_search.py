@@ -19,7 +19,7 @@ MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # factors of the zones: smallest certifiabl
 DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are chosen by shifts; sizes of shifts
 FEW = 6  # pairs in contact up to which every exit of a contact is examined
 BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # (pairs, maximum candidates); else one
-PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one that end the search
+PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 45, 24, 4  # candidates without a better one that end the search
 EDGED = 3  # factor of the candidates where zones have edges, with many local optima
 MORE = 24  # additional candidates where none is clear
 SIMILAR = 1e-5  # relative saving by which a solution counts as better
@@ -57,6 +57,7 @@ class Search:
         self.best: Solution | None = None
         self.proven = False
         self.seen: list[Solution] = []
+        self.unranked: list[Solution] = []  # whose other sides are not in the queue yet
         self.queue: list[tuple[float, int, Contacts, int, Floats]] = []  # cost, order, arguments of `turned`
         self.order = count()
         self.starts: set[Any] = set()
@@ -83,6 +84,8 @@ class Search:
             if self.best is not None and self.tried - improved >= patience:
                 break
             before = self.best
+            while self.unranked:
+                self.push_turns(self.unranked.pop())
             if self.queue and (self.alone or self.tried % DRAWN):
                 _, _, contacts, k, side = heapq.heappop(self.queue)
                 if self.is_new(start := turned(contacts, k, side)):
@@ -111,7 +114,7 @@ class Search:
         return (budget + MORE, inf) if self.more else (budget, patience)
 
     def examine(self, start: Contacts, sides: Sides) -> Solution:
-        """Solve from a start; keep a better solution, and queue the other sides of each."""
+        """Solve from a start; keep a better solution, and note those with other sides to examine."""
         bar = self.best.energy if self.best is not None else inf
         solution = self.solver.solve(start, sides, bar)
         self.tried += 1
@@ -122,7 +125,7 @@ class Search:
                 self.best = solution
                 self.proven = self.solver.proven(solution)
             if not self.proven and not (self.alone and solution.contacts.number == 1):
-                self.push_turns(solution)
+                self.unranked.append(solution)
         return solution
 
     def push(self, cost: float, contacts: Contacts, k: int, side: Floats) -> None:
@@ -143,7 +146,7 @@ class Search:
         """Queue every exit of a conflict of the unconstrained paths."""
         contact = self.clipped(self.problem.at(pair, conflict[2]))
         motions, compliance = self.problem.unconstrained(contact)
-        for cost, normal in self.ways_out(contact, motions[0], compliance):
+        for cost, normal in self.ways_out(contact.which[0], motions[0], compliance):
             self.push(cost, contact, 0, normal)
 
     def push_turns(self, solution: Solution) -> None:
@@ -154,21 +157,21 @@ class Search:
         contacts = solution.contacts
         few = len(np.unique(contacts.which)) <= FEW
         motions = self.problem.motions(solution.trajectories, contacts)
-        for k in range(contacts.number):
-            one, normal, force = contacts.some([k]), contacts.normals[k], contacts.multipliers[k]
-            compliance = self.problem.kernel(one)
+        kernel = self.problem.kernel(contacts).reshape(contacts.number, 3, contacts.number, 3)
+        for k, (normal, force) in enumerate(zip(contacts.normals, contacts.multipliers, strict=True)):
+            compliance = kernel[k, :, k]
             moved = force * compliance @ normal
             motions[k, 0] -= moved
             others = solution.energy - 0.5 * force * float(normal @ moved)
             limit = ANOTHER * float(np.linalg.norm(normal))
-            ways = self.ways_out(one, motions[k], compliance)
+            ways = self.ways_out(contacts.which[k], motions[k], compliance)
             other = [way for way in ways if way[1] @ normal < limit * np.linalg.norm(way[1])]
             for cost, side in other if few else other[:1]:
                 self.push(others + cost, contacts, k, side)
 
-    def ways_out(self, contact: Contacts, motion: Floats, compliance: Floats) -> list[tuple[float, Floats]]:
+    def ways_out(self, which: int, motion: Floats, compliance: Floats) -> list[tuple[float, Floats]]:
         """Return exits of a pair's zone at a relative motion: (rough cost, normal)."""
-        zone = self.problem.zones[self.problem.kinds[contact.which[0]]]
+        zone = self.problem.zones[self.problem.kinds[which]]
         return exit_normals(zone.shape, zone.faces, self.solver.margin, motion[0], motion[1], compliance)
 
     def clipped(self, contacts: Contacts) -> Contacts:
