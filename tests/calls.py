@@ -424,7 +424,7 @@ CALLS = {
         orbit=ORBIT, count=3, eccentricity=10.0, inclination=20.0, first_phase=0.1
     ),
     "targets.projected_circular": inputs(orbit=ORBIT, count=3, radius=10.0, first_phase=0.1),
-    "targets.string_of_pearls": inputs(orbit=ORBIT, count=3, spacing=10.0),
+    "targets.string_of_pearls": inputs(orbit=ORBIT, count=3, spacing=10.0, along_track=0.0, time=0.0),
     "targets.pendulum": inputs(orbit=ORBIT, count=3, spacing=10.0, cross_track=5.0),
     "targets.line": inputs(count=3, spacing=10.0, direction=np.array([0.0, 1, 0])),
     "targets.without_eccentricity": inputs(orbit=ORBIT, states=START),
