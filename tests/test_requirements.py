@@ -146,6 +146,29 @@ def test_requirement_is_kept_at_hardly_more_than_the_least_cost(name, requiremen
     assert plan.delta_v <= least * (1 + dearer)
 
 
+class Ring(Floor):
+    """Not convex: outside of a ball."""
+
+    def _margin(self, states):
+        return np.linalg.norm(states[..., :3], axis=-1) - 50.0
+
+    def _slope(self, states):
+        return np.pad(states[..., :3] / np.linalg.norm(states[..., :3], axis=-1)[..., None], ((0, 0), (0, 3)))
+
+
+class Steep(Floor):
+    """Slope larger than stated."""
+
+    per_speed = 1.0
+
+
+@pytest.mark.parametrize(("requirement", "word"), [(Ring(), "Ring._margin"), (Steep(), "Steep.per_speed")])
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_requirement_without_a_certificate_is_refused(requirement, word, cost):
+    with pytest.raises(ValueError, match=word):
+        planned(requirement, cost=cost)
+
+
 @pytest.mark.parametrize(
     ("name", "requirement"), [("cone", CONE), ("glide", GLIDE), ("waypoint", WAYPOINT), ("floor", FLOOR)]
 )

@@ -67,7 +67,7 @@ def avoid(
         TOO_WEAK, and `weak` holds the shortfall.
     budget : int, optional
         Maximum number of candidates, each solved to its local optimum.  The default depends on the number of
-        zones in contact.  With `drift` the search also ends after a counted effort of at most about 10 s,
+        zones in contact.  With `drift` the search also ends after a counted effort of about 10 s,
         the same on every machine; a budget above 24 raises it in proportion.
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
@@ -108,9 +108,9 @@ def avoid(
         known exactly.  An array holds the margins of all pairs of the path followed by the obstacles.
     requirements : Requirement, or sequence of these, default none
         Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
-        `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance); on its thrust: times of `NoThrust`,
-        `ThrustExclusion` and `Plume`.  Those on thrust require cost "delta-v", and so do all of them with
-        `drift` or another method.  The lower bound counts those on states.
+        `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance), or a `StateRequirement` of your own; on its
+        thrust: times of `NoThrust`, `ThrustExclusion` and `Plume`.  Those on thrust require cost "delta-v";
+        with another method there are none.  The lower bound counts those on states.
 
     Returns
     -------

@@ -10,18 +10,21 @@ convex and is solved exactly.
         program = task.relinearise(candidate)     # planes turned to the paths, and planes of the violations
 
 A task is a cost with its requirements.  A method is a state machine that leads a task from a start to clear
-paths: `init` begins, `step` does a round, `done` ends the loop of `run`.  There are three:
+paths: `init` begins, `step` does a round, `done` ends the loop of `run`:
 
     Rounds      whole steps from any planes to the lowest-cost clear paths near them
     Approach    short steps from nearly clear paths to clear ones
     Descent     steps from clear paths to cheaper ones, all of them clear
+
+`safe_energy` derives rounds of soft planes, and has a descent of its own, for loss of thrust at minimum
+energy.
 
 From a problem to a plan:
 
 1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
 2. `planner.planned` keeps clear paths, or calls `least_energy.least_energy` or
    `delta_v_search.solve_impulses`.  Where none are found, `violations` names what remains.
-3. A search (`delta_v/delta_v_search`, `safe_energy`, `least_energy`) proposes starts:
+3. A search (`delta_v/delta_v_search`, `safe_energy`, `least_energy`, `energy/side_search`) proposes starts:
    planes on different sides of the zones.  A method above leads from each start to clear paths; the best
    are kept.
 4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/impulse_bound` bound the cost of all clear
@@ -38,10 +41,10 @@ The task for each cost (row) and requirement (column); one task combines all the
 `energy/` is compiled for plain zones and does not use this loop.  Pulses are planned only where thrust may be
 lost, near safe impulses.
 
-To add a cost, write a task: `minimise` and `relinearise`, and for short steps the rest of `SteppingTask`.  To
-add a requirement on one craft, derive a class in `requirements/`; every task of its column then keeps it.  To
-add one on pairs, override `conflicts` and `normals` of `Problem`, as `sigmas.sigma_problem` does.  A conflict
-is a violation.  A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
+To add a cost, derive from `ImpulseSolver`, as the other three solvers do: the methods above need only a
+`Task`, the searches for starts also its firing times and checks.  To add a requirement on one craft, derive a
+class in `requirements/`; every task of its column then keeps it.  To add one on pairs, override the methods
+of `Problem` that `sigmas.sigma_problem` does, first `conflicts` and `normals`.  A conflict is a violation.  A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
 """
 
 from __future__ import annotations
@@ -245,7 +248,7 @@ class Descent(Generic[C, P]):
         return Step(clear)
 
     def done(self, state: Step[C]) -> bool:
-        """Return whether no step leads to hardly cheaper paths, or the effort is used."""
+        """Return whether the last step saved hardly anything, or the effort is used."""
         assert state.best is not None
         level = state.gained < GAINED * state.best.cost
         return state.over or level or state.turn == DESCENTS or self.task.exhausted()

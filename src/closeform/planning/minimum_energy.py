@@ -1,4 +1,4 @@
-"""Paths of minimum energy: choice of the search by requirement, and its outcome as contacts in metres."""
+"""Paths of minimum energy around plain zones, and the outcome of any search, with contacts in metres."""
 
 from dataclasses import dataclass, field, replace
 from math import inf, nan

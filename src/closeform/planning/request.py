@@ -49,6 +49,7 @@ Method = Literal["joint", "sequential", "distributed", "exact", "sauter-palmer"]
 Fallback = Literal["more sides", "longer", "stagger"]
 FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 ROUNDING = 1e-9  # of a duration
+SAMPLED = 32  # states at which requirements are compared with their planes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -256,7 +257,7 @@ class Request:
         return request.cheapest()._checked()
 
     def _checked(self) -> Request:
-        """Return the request; raise ValueError for requirements that the cost does not support.
+        """Return the request; raise ValueError for requirements that are not convex or not supported.
 
         The same applies to an obstacle that ends before the drift.
         """
@@ -273,14 +274,12 @@ class Request:
                         f"requirements: at minimum energy a spacecraft always thrusts, which {kind} may not "
                         "allow; set cost 'delta-v', or omit this requirement"
                     )
-            unsupported = {
-                "method": self.method not in ("joint", "exact"),
-            }
-            for name, given in unsupported.items():
-                if given:
-                    raise ValueError(
-                        f"{name}: cannot be combined with requirements at minimum energy; set cost 'delta-v'"
-                    )
+            if self.method not in ("joint", "exact"):
+                raise ValueError("method: cannot be combined with requirements; omit it")
+        for i, own in enumerate(self.requirements):
+            for one in own:
+                if isinstance(one, StateRequirement):
+                    one._refuse_unless_concave(self._states_near(i))
         if self.drift is None or self.obstacles is None:
             return self
         until = self.arrival + self.drift
@@ -291,6 +290,15 @@ class Request:
                 "path, or reduce drift"
             )
         return self
+
+    def _states_near(self, i: int) -> Floats:
+        """Return random states (SAMPLED, 6) about the ends of craft i, and between them."""
+        rng, begin, end = np.random.default_rng(i), self.initial[i], self.places[min(i, len(self.places) - 1)]
+        size = max(float(np.linalg.norm(end[:3] - begin[:3])), 1.0)
+        spread = np.repeat([size, size / self.durations[i]], 3)
+        shares = rng.uniform(size=(SAMPLED, 1))
+        states: Floats = begin + shares * (end - begin) + spread * rng.normal(size=(SAMPLED, 6))
+        return states
 
     @property
     def arrival(self) -> float:

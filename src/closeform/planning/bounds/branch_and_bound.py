@@ -124,7 +124,10 @@ class Bound(Protocol):
     def solve(
         self, samples: list[int], cut: list[Piece], goal: float, parent: Answer | None
     ) -> Answer | None:
-        """Return the answer of samples in pieces, as accurate as `goal` requires; None without any."""
+        """Return the answer of samples in pieces, as accurate as `goal` requires.
+
+        None without any: the bound of the parent then holds, and the node is not opened.
+        """
 
     def conflicts(self, node: Node, fine: float) -> Contacts:
         """Return conflicts of a node's paths, with normals, at `fine` times the usual tolerance."""

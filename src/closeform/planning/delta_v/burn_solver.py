@@ -255,11 +255,11 @@ class BurnSolver(ImpulseSolver):
     def fewest(self, best: Spent) -> Spent:
         """Return the solution without insignificant burns if that is clear; longer burns replace them."""
         for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
-            large = sizes_of(best.impulses) > share * best.delta_v
+            large = sizes_of(best.impulses) > share * best.cost
             used, start = self.kept(best, large), replace(best, margin=best.margin + further)
 
             found = self.refired_at(used, start, 1.0 + FEWER)
-            if found is not None and found.delta_v <= (1.0 + FEWER) * best.delta_v:
+            if found is not None and found.cost <= (1.0 + FEWER) * best.cost:
                 return found
         return best
 
@@ -280,7 +280,7 @@ class BurnSolver(ImpulseSolver):
             used = row > THROTTLED * self.limits[i] * own.widths
             burns = np.cumsum(np.append(True, apart | (used[1:] != used[:-1])))
             row[used] = np.bincount(burns, row)[burns][used]
-        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.delta_v))
+        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.cost))
 
     def settled(self, best: Spent) -> Contacts:
         """Return the contacts with the multipliers of the last round, whose slots are already fine."""

@@ -45,25 +45,21 @@ class Checked(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Spent:
-    """Result of one round: paths, their delta-v [m/s], remaining conflicts, and the program's solution.
+    """Result of one round: paths, their cost, remaining conflicts, and the program's solution.
 
-    Delta-v is the sum of the sizes of all `impulses`; two thrusters that fire at once both count.
+    The cost is the delta-v [m/s], the sum of the sizes of all `impulses`, where two thrusters that fire at
+    once both count; or the control energy [m^2/s^3] of an `EnergySolver`.
     """
 
     trajectories: Trajectories
-    delta_v: float
-    least: float  # [m/s]: certified lower bound for these planes and any firing times
+    cost: float
+    least: float  # certified lower bound on the cost for these planes and any firing times
     checked: Checked
     contacts: Contacts
     margin: float  # distance of the planes, in zones
     moments: list[Moments]  # of each craft
     impulses: Floats  # (N, J, 3)
     peaks: list[Moments]  # maxima of each craft's primer, or of its part along a thruster
-
-    @property
-    def cost(self) -> float:
-        """Delta-v of the paths [m/s]."""
-        return self.delta_v
 
     @property
     def clear(self) -> bool:
@@ -82,7 +78,7 @@ class Spent:
 
     def fired(self, share: float) -> list[Moments]:
         """Return the moments of each craft at which it fires more than a `share` of the delta-v."""
-        return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
+        return some_of_each(self.moments, sizes_of(self.impulses) > share * self.cost)
 
 
 def arrive(problem: Problem, trajectories: Trajectories, finals: Floats) -> bool:

@@ -92,7 +92,7 @@ def solve_impulses(
         safe.extend([] if best is None else [best])
         short = None if best is None else burns.tightened(best)
         clear = [one for one in (long, short) if one is not None]
-        return min(clear, key=lambda one: one.delta_v, default=None)
+        return min(clear, key=lambda one: one.cost, default=None)
 
     found, free = solved(burns, by_energy, budget, more, None if failures is None else near)
     if found.trajectories is not None:
@@ -146,7 +146,7 @@ def solved(
         alone = in_bits(solver, alone) or alone
         small = int(solver.below_bit(alone).sum())
         found = Outcome(
-            alone.trajectories, (), 0.0, alone.margin, True, 0, delta_v=alone.delta_v, below_bit=small
+            alone.trajectories, (), 0.0, alone.margin, True, 0, delta_v=alone.cost, below_bit=small
         )
         return found, free
     tried, safe = len(begun), best is not None
@@ -167,7 +167,7 @@ def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
     touched = solver.settled(best).some(best.pushing) if best.contacts.number else best.contacts
     at, priced = best.trajectories, True
     if solver.failures is not None:
-        touched = touched.some(touched.multipliers > FELT * best.delta_v)
+        touched = touched.some(touched.multipliers > FELT * best.cost)
         touched, priced = solver.failures.touching(at, touched)
         at = solver.failures.brief(at)
     elif (whole := in_bits(solver, best)) is not None:
@@ -176,7 +176,7 @@ def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
         touched = touched.some((touched.normals * places).sum(axis=1) < NEAR)
     answer = best.trajectories, contacts_of(problem, touched, at), nan, best.margin, False, tried
     small = int(solver.below_bit(best).sum())
-    return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small)
+    return Outcome(*answer, delta_v=best.cost, priced=priced, below_bit=small)
 
 
 def clear_optimum(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:
@@ -186,7 +186,7 @@ def clear_optimum(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spe
     """
     if free.checked.clear:
         return free
-    if best is None or solver.failures is not None or best.delta_v > LEAST * free.delta_v:
+    if best is None or solver.failures is not None or best.cost > LEAST * free.cost:
         return None
     optimum = solver.by_few(best.moments, best.impulses.copy(), best, Contacts.none())
     return optimum if optimum.checked.clear else None
@@ -222,12 +222,12 @@ def searched(
         if not (solver.requirements.steer or solver.limits.any()):  # all is convex: there are no such paths
             return None, []
         required = free
-    if required.clear and required.delta_v <= ENOUGH * required.least:
+    if required.clear and required.cost <= ENOUGH * required.least:
         return fewest(solver, required), [required.contacts]
     other = None if near is None else near()
     solver.closest.note(required.checked.worst, required.trajectories, required.checked.outside)
     best, begun = from_starts(solver, free, required, by_energy, budget, more, until)
-    if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
+    if other is not None and other.checked.clear and (best is None or other.cost < best.cost):
         best = other
     may_wait = solver.failures is not None and not (solver.limits.any() or solver.pushes.fixed.any())
     if may_wait and not near_bound(solver, best):
@@ -235,7 +235,7 @@ def searched(
         best = with_waits(solver, by_energy, best) or best
     best = None if best is None else fewest(solver, best)
     may_cost_less = solver.failures is not None and not solver.limits.any() and not near_bound(solver, best)
-    costly = best is None or (not solver.problem.requirements and best.delta_v > COSTLY * required.delta_v)
+    costly = best is None or (not solver.problem.requirements and best.cost > COSTLY * required.cost)
     if may_cost_less and costly:  # with requirements these rounds are slow, and waits lead to cheaper paths
         best = roomier(solver, required, begun, best, until)
     return best, begun
@@ -261,7 +261,7 @@ def from_starts(
     usual = ALONE if alone else (ONE if single else MANY) * (MORE if more or solver.failures else 1)
     most = budget or usual
     for start in chain(starts(solver, required, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
-        if len(begun) == most or (alone and best is not None and best.delta_v <= LEAST * free.least):
+        if len(begun) == most or (alone and best is not None and best.cost <= LEAST * free.least):
             break
         if solver.failures is not None and begun and effort.beyond(until * STARTING / ROOMY):
             break
@@ -269,11 +269,11 @@ def from_starts(
             if solver.failures is not None:
                 solver.failures.holding = holding
             # planes turn, so that both options of the first start are completed whatever they cost
-            bar = inf if best is None or not begun else best.delta_v
+            bar = inf if best is None or not begun else best.cost
             found = solver.solve(start, bar, stride)
             if found is not None and solver.failures is not None and strayed(solver.problem, required, found):
                 continue
-            best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
+            best = found if best is None or (found is not None and found.cost < best.cost) else best
             if near_bound(solver, best):
                 break
         else:
@@ -293,13 +293,13 @@ def near_bound(solver: ImpulseSolver, best: Spent | None) -> bool:
     """
     if best is None or solver.failures is None or not solver.problem.requirements:
         return False
-    return solver.required is not None and best.delta_v <= ENOUGH * solver.required.least
+    return solver.required is not None and best.cost <= ENOUGH * solver.required.least
 
 
 def two_impulses(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:
     """Return the lowest-cost safe plan of two impulses with waits, if it costs less than the best one."""
     for times, impulses in islice(two_impulse_plans(solver.problem), HOPS):
-        if best is not None and np.linalg.norm(impulses, axis=2).sum() >= best.delta_v:
+        if best is not None and np.linalg.norm(impulses, axis=2).sum() >= best.cost:
             return None
         moments = [Moments.instants(own, np.zeros(2, dtype=np.int64)) for own in times]
         found = replace(solver.fired_at(moments, impulses, free), margin=AIM)
@@ -314,7 +314,7 @@ def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Sp
     Longer times to fire lead from these to cheaper paths, step by step, as they would for a shorter duration.
     Without requirements only waits that already cost less than the best paths pay, beside two impulses.
     """
-    found, firing = waiting(solver, best.delta_v if best and not solver.problem.requirements else inf)
+    found, firing = waiting(solver, best.cost if best and not solver.problem.requirements else inf)
     if found is None and best is None:
         for time in firing_times(solver.problem, COARSE):
             short, firing = scheduled(solver, time), time
@@ -325,8 +325,8 @@ def with_waits(solver: ImpulseSolver, by_energy: Callable[[], Outcome], best: Sp
     if found is not None:
         for time in reversed([one for one in firing_times(solver.problem, COARSE) if one > firing]):
             if (short := scheduled(solver, time)) is not None:
-                found = min(found, fewer(short, found), key=lambda one: one.delta_v)
-    return found if best is None or (found is not None and found.delta_v < best.delta_v) else None
+                found = min(found, fewer(short, found), key=lambda one: one.cost)
+    return found if best is None or (found is not None and found.cost < best.cost) else None
 
 
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
@@ -351,10 +351,10 @@ def roomier(
     farther out, more of them reach safe paths at all.
     """
     found = [*([] if best is None else [best]), *with_room(solver, free, begun, until)]
-    found = sorted(found, key=lambda one: one.delta_v)[:CHEAPEST]
+    found = sorted(found, key=lambda one: one.cost)[:CHEAPEST]
     down = [at_rest(solver, one, solver.following) for one in found]
-    cheapest = min(down, key=lambda one: one.delta_v, default=None)
-    if cheapest is None or (best is not None and not cheapest.delta_v < best.delta_v):
+    cheapest = min(down, key=lambda one: one.cost, default=None)
+    if cheapest is None or (best is not None and not cheapest.cost < best.cost):
         return best
     return fewest(solver, cheapest)
 
@@ -392,8 +392,8 @@ def pulses_near(
     effort.extend(PULSING)
     for safe in islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT):
         near = pulses.nearby(safe)
-        found = near if found is None or (near is not None and near.delta_v < found.delta_v) else found
-        if found is not None and found.delta_v <= PULSED * best.delta_v:
+        found = near if found is None or (near is not None and near.cost < found.cost) else found
+        if found is not None and found.cost <= PULSED * best.cost:
             break
     if found is None:
         effort.extend(PULSING)
@@ -479,7 +479,7 @@ def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterato
             for _, _, normal in ranked_exits(solver.problem, best.trajectories, one):
                 start = others.joined(one._replace(normals=normal[None]))
                 found = solver.dual(
-                    solver.fleet(solver.grid), solver.planes(start, solver.least), WIDEST, best.delta_v
+                    solver.fleet(solver.grid), solver.planes(start, solver.least), WIDEST, best.cost
                 )
                 if found is not None:
                     ways.append((found.cost, start))

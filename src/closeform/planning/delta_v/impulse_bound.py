@@ -156,4 +156,4 @@ class ImpulseBound:
             return None
         self.plans.requirements.inward = 1.0
         found = self.plans.solve(node.answer.found.planes, cost)
-        return (found.delta_v, found) if found is not None and found.delta_v < cost else None
+        return (found.cost, found) if found is not None and found.cost < cost else None

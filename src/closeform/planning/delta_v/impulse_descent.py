@@ -19,7 +19,7 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
     """
     few = at_rest(solver, best, lambda found: found.moments)
     many = at_rest(solver, few, solver.following)
-    return many if SAFER * many.delta_v < few.delta_v else few
+    return many if SAFER * many.cost < few.cost else few
 
 
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:

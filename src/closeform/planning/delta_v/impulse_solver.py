@@ -1,11 +1,10 @@
 """Impulses of minimum delta-v that keep all pairs clear: planes at contacts, updated until they hold.
 
-A round solves the program for the planes of the contacts (`joint_dual`), propagates the impulses, and
+A round solves the program for the planes of the contacts (`dual/dual_program`), propagates the impulses, and
 searches for conflicts.  Each plane is then turned to its pair's position, and pairs still in conflict get
 another one.  Paths that are clear stay clear when the planes turn, and their cost decreases.  Craft may fire
 at the times of a grid, at the maxima of their primers, and when they last did; finally only at necessary
-times. Each thruster has moments of its own: a time and its direction.                               # theory
-6
+times.  Each thruster has moments of its own: a time and its direction.                         # theory 6
 """
 
 from __future__ import annotations
@@ -239,7 +238,7 @@ class ImpulseSolver:
         return replace(
             known,
             trajectories=trajectories,
-            delta_v=spent,
+            cost=spent,
             checked=checked,
             moments=moments,
             impulses=impulses,
@@ -280,17 +279,17 @@ class ImpulseSolver:
     def fewest(self, best: Spent) -> Spent:
         """Return the solution with as many impulses joined or omitted as possible at hardly more cost."""
         dearer = SAFER if self.problem.requirements else 1.0 + FEWER
-        base, most = self.problem.base, dearer * best.delta_v
+        base, most = self.problem.base, dearer * best.cost
         sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
         rates = np.maximum(self.problem.orbit._rate, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
-        steps = steps_to_fewer(fired, sizes, rates, most - best.delta_v)
+        steps = steps_to_fewer(fired, sizes, rates, most - best.cost)
         kept, low, high, middle = best, 0, len(steps), len(steps)
         while high - low > len(steps) // COARSE:
             left = {step.craft: step.left for step in steps[:middle]}
             moments = [left.get(i, own) for i, own in enumerate(fired)]
             found = self.refired_at(moments, best, dearer)
-            if found is None or found.delta_v > most:
+            if found is None or found.cost > most:
                 high = middle - 1
             else:
                 kept, low = found, middle
@@ -299,7 +298,7 @@ class ImpulseSolver:
 
     def without_small(self, best: Spent) -> Spent:
         """Return the solution without small impulses or burns, as far as the others can replace them."""
-        most, tries = REPLACED * best.delta_v, DROPS
+        most, tries = REPLACED * best.cost, DROPS
         while tries and (small := self.small(best)).any():
             sizes = np.where(small, sizes_of(best.impulses), inf)
             order = np.argsort(sizes, axis=None, kind="stable")[: np.count_nonzero(small)]
@@ -308,7 +307,7 @@ class ImpulseSolver:
                 left = sizes_of(best.impulses) > 0.0
                 left.flat[those] = False
                 found = self.refired_at(self.kept(best, left), best, REPLACED)
-                if found is not None and found.delta_v <= most:
+                if found is not None and found.cost <= most:
                     best = found
                     break
             else:
@@ -334,7 +333,7 @@ class ImpulseSolver:
             return Program(contacts, after)
 
         method = Rounds(
-            *(self, lambda _: dearer * best.delta_v, FOCUSING, inf, (LAST,)),
+            *(self, lambda _: dearer * best.cost, FOCUSING, inf, (LAST,)),
             aim=best.margin,
             relinearise=following,
             **options,
@@ -345,7 +344,7 @@ class ImpulseSolver:
     def small(self, found: Spent) -> Any:
         """Return which impulses (N, J) are too small to be planned."""
         sizes = sizes_of(found.impulses)
-        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.delta_v))
+        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.cost))
 
     def kept(self, best: Spent, left: Any) -> list[Moments]:
         """Return the moments in a mask (N, J)."""

@@ -57,7 +57,7 @@ def in_whole_bits(solver: ImpulseSolver, best: Spent) -> Spent | None:
             moments[i], pushes[i] = own.some(sizes > 0.0), (sizes[:, None] * units)[sizes > 0.0]
         found = solver.fired_at(moments, pushes_table(pushes), found)
         if found.checked.clear:
-            kept = found.delta_v <= DEAREST * best.delta_v and not solver.below_bit(found).any()
+            kept = found.cost <= DEAREST * best.cost and not solver.below_bit(found).any()
             return found if kept else None
         changed[:] = False
         for pair, _ in found.checked.missed:  # the two take turns in being planned again

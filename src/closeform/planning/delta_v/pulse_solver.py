@@ -109,7 +109,7 @@ class PulseSolver(ImpulseSolver):
             left = sizes > 0.0
             left.flat[those] = False
             clear = cleared(self, self.some(found, left)) if dearer < inf else self.cleared(found, left)
-            if clear is not None and clear.delta_v <= dearer * found.delta_v and self.whole_in(clear):
+            if clear is not None and clear.cost <= dearer * found.cost and self.whole_in(clear):
                 return clear
         return None
 
@@ -131,7 +131,7 @@ class PulseSolver(ImpulseSolver):
         """Return clear pulses at moments, with planes that `clear` ones keep; None if they cost much more."""
         program, aim = Program(self.turned(clear), moments), self.least
         for _ in range(ADDED):
-            near = self.minimise(program, LAST, aim, REPLACED * clear.delta_v)
+            near = self.minimise(program, LAST, aim, REPLACED * clear.cost)
             if near is None or near.clear:
                 return near
             self.last_as(near)

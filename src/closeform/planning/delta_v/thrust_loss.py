@@ -1,10 +1,9 @@
 """Close approaches of craft that lost their thrust between impulses or during one.
 
 Between impulses a path is one natural motion, whenever thrust is lost there.  One plane is for a failure at
-its start, after which nothing more is fired. Another is for a failure at its end, before which all of it is
+its start, after which nothing more is fired.  Another is for a failure at its end, before which all of it is
 fired.  During an impulse the failures form a chord; the impulse is treated as a brief burn, so that each
-failure has an instant of its own.
-# theory (74)
+failure has an instant of its own.                                                           # theory (74)
 """
 
 from collections.abc import Callable, Iterator

@@ -38,7 +38,7 @@ def waiting(solver: ImpulseSolver, bar: float) -> tuple[Spent | None, float]:
     after, found = inf, None
     for firing in firing_times(solver.problem):
         least = least_over(solver, firing)
-        if least is not None and least.delta_v >= bar:
+        if least is not None and least.cost >= bar:
             break
         if least is not None and least.clear:
             found = least

@@ -6,7 +6,7 @@ the plane of its slope at any state holds in the whole set:
 
     m(x) <= m(x_0) + s(x_0) . (x - x_0)        hence s(x_0) . x >= s(x_0) . x_0 - m(x_0) is required
 
-Planes of states outside the set are added to the program of least delta-v until its paths leave the set no
+Planes of states outside the set are added to the program of least cost until its paths leave the set no
 more.  They cut off no path that keeps the requirement, so the program's cost is a lower bound.
 
 A path is certified between states h apart.  It differs from their chord by at most h^2/8 of its largest
@@ -36,6 +36,7 @@ SAMPLES = 16  # intervals of an arc, and of an interval that is refined
 FINER = 3  # refinements of a minimum
 AFTER = 1e-6  # of a path's time: planes follow an impulse by this much, so that it counts
 SMALLEST = 1e-10  # of a path's time: intervals are not cut further
+SLACK = 1e-6  # relative error of margins and slopes
 UNPROVEN = 1e-6  # reserves: shortfall of paths that keep the requirements without proof
 
 
@@ -134,8 +135,11 @@ class Requirement(ABC):
 class StateRequirement(Requirement):
     """Convex set of states that the path must not leave; derive a class for a requirement of your own.
 
-    The class defines `_margin` and `_slope`.  `per_metre` and `per_speed` are upper bounds on the slope of
-    the margin in position and in velocity, by which paths are certified between samples.
+    The class defines `_margin`, a concave function of states (..., 6), and its `_slope`.  Certificate and lower
+    bound hold only for such functions.  `per_metre` and `per_speed` are upper bounds on the slope in position
+    and in velocity, by which paths are certified between samples.  A plan samples these properties and
+    refuses a class that lacks them.  With fields of its own, the class is a `dataclass(frozen=True,
+    kw_only=True)`.  `reserve` is the margin that is planned.
 
     Parameters
     ----------
@@ -195,6 +199,21 @@ class StateRequirement(Requirement):
         if given.shape[-1:] != (6,):
             raise ValueError(f"states: expected shape (..., 6), got {given.shape}")
         return self._margin(given)
+
+    def _refuse_unless_concave(self, states: Floats) -> None:
+        """Raise ValueError if states (K, 6) show a margin that is not concave, or too large slopes."""
+        name, margins, slopes = type(self).__name__, self._margin(states), self._slope(states)
+        for part, bound in (("per_metre", self.per_metre), ("per_speed", self.per_speed)):
+            columns = slopes[:, :3] if part == "per_metre" else slopes[:, 3:]
+            if (steepest := np.linalg.norm(columns, axis=1).max()) > (1.0 + SLACK) * bound:
+                raise ValueError(
+                    f"requirements: {name}.{part} is {bound:g}; its slope is up to {steepest:.6g}"
+                )
+        planes = margins + (states @ slopes.T - (states * slopes).sum(axis=1))
+        if (margins[:, None] - planes > SLACK * (1.0 + np.abs(planes))).any():
+            raise ValueError(
+                f"requirements: {name}._margin is not concave, or {name}._slope is not its slope"
+            )
 
     def worst_margin(self, path: Path) -> float:
         """Return the least margin of one spacecraft's path while the requirement holds.
