@@ -44,7 +44,8 @@ lost, near safe impulses.
 To add a cost, derive from `ImpulseSolver`, as the other three solvers do: the methods above need only a
 `Task`, the searches for starts also its firing times and checks.  To add a requirement on one craft, derive a
 class in `requirements/`; every task of its column then keeps it.  To add one on pairs, override the methods
-of `Problem` that `sigmas.sigma_problem` does, first `conflicts` and `normals`.  A conflict is a violation.  A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
+of `Problem` that `sigmas.sigma_problem` does, first `conflicts` and `normals`.  A conflict is a violation.
+A normal a is divided by the extent of the region to avoid, so that its plane is a . q >= 1.
 """
 
 from __future__ import annotations

@@ -135,10 +135,10 @@ class Requirement(ABC):
 class StateRequirement(Requirement):
     """Convex set of states that the path must not leave; derive a class for a requirement of your own.
 
-    The class defines `_margin`, a concave function of states (..., 6), and its `_slope`.  Certificate and lower
-    bound hold only for such functions.  `per_metre` and `per_speed` are upper bounds on the slope in position
-    and in velocity, by which paths are certified between samples.  A plan samples these properties and
-    refuses a class that lacks them.  With fields of its own, the class is a `dataclass(frozen=True,
+    The class defines `_margin`, a concave function of states (..., 6), and its `_slope`.  Certificate and
+    lower bound hold only for such functions.  `per_metre` and `per_speed` are upper bounds on the slope in
+    position and in velocity, by which paths are certified between samples.  A plan samples these properties
+    and refuses a class that lacks them.  With fields of its own, the class is a `dataclass(frozen=True,
     kw_only=True)`.  `reserve` is the margin that is planned.
 
     Parameters
