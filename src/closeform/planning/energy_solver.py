@@ -14,6 +14,7 @@ that instant, with a propagated back by natural motion.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from math import inf
 from typing import Any, NamedTuple
 
@@ -46,6 +47,7 @@ FARTHEST = 100.0  # zones: maximum displacement by planes; beyond it they are in
 CROWDED = 250  # planes: more are incompatible
 ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 LEFT = 1e-7  # of a shortfall and a metre: planes that the solution misses by more are incompatible
+BOUNDING, RAISED = 8, 1e-4  # maximum rounds of the bound of requirements; share of it that pays for one more
 HARD = 1e-7  # softness of planes up to which paths are certified
 SAMPLED = 1.0 - 1e-4  # norm above which failures that samples missed are searched for
 DEEPER = 1e-6  # zones, by which these are deeper than known ones
@@ -231,10 +233,25 @@ class EnergySolver(ImpulseSolver):
         return np.empty((self.problem.count, 0), dtype=bool)
 
     def requirement_bound(self, best: Spent | None = None) -> float:
-        """Return a lower bound on the energy of all paths that keep the requirements."""
-        self.requirements.inward = 0.0
-        extra = self.multipliers(self.requirements.placed())[2]
-        return self.least_energy + (0.0 if extra == inf else extra)
+        """Return a lower bound on the energy of all paths that keep the requirements.
+
+        Planes are added where the paths of the bound leave a requirement, until they raise it no more.
+        """
+        own, least = copy(self.requirements), -inf
+        own.inward = 0.0  # of the requirements themselves, without reserve
+        for _ in range(BOUNDING):
+            planes = own.placed()
+            multipliers, begun, extra = self.multipliers(planes)
+            if not extra < inf:
+                break
+            gained, least = extra - least, max(extra, least)
+            paths = (self.thrusting(i, planes, multipliers, begin) for i, begin in enumerate(begun))
+            checked = self.problem.requirement_checks(self.arrived(self.problem.with_path(*paths)))
+            if gained < RAISED * (self.least_energy + least) or not any(one.shortfall for one in checked):
+                break
+            own.keep(multipliers)
+            own.add(checked)
+        return self.least_energy + max(least, 0.0)
 
     def multipliers(self, planes: Planes, soft: float = 0.0) -> tuple[Floats, Floats, float]:
         """Return the planes' multipliers (K,), the primers' starts (N, 6), and the energy beyond the least.

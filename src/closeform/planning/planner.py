@@ -435,7 +435,7 @@ def bounded(request: Request, plan: Plan) -> Plan:
     fired, compared = plan.cost == "delta-v", request.method == "sauter-palmer"
     if not plan.ok or (compared and not request.proof_time) or (plan.status is Status.CLEAR and not fired):
         return plan
-    problem, limited, least = request.problem(), request.limits is not None, plan.lower_bound
+    problem, limited, least, ended = request.problem(), request.limits is not None, plan.lower_bound, ""
     if not fired:
         least = max(least, problem.least_energy + lower_bound(problem, plan.contacts))
     if request.proof_time and plan.spent > (1.0 + request.gap) * least:
@@ -443,6 +443,7 @@ def bounded(request: Request, plan: Plan) -> Plan:
         bound = bound_of(problem, request, plan, limited or compared or more or problem.drift is not None)
         proof = prove(bound, plan.spent, least, request.proof_time, gap=request.gap)
         least, tried = proof.bound, plan.tried + proof.nodes
+        ended = "; the proof has no side left to divide" if proof.exhausted else "; the time to prove is over"
         if isinstance(bound, EnergyBound) and proof.better is not None:
             better = outcome(Found(proof.better, MARGINS[0], False, tried))
             plan = completed(plan, problem, better, request)
@@ -450,7 +451,8 @@ def bounded(request: Request, plan: Plan) -> Plan:
             better = outcome_of(bound.plans, fewest(bound.plans, proof.better), tried)
             plan = completed(plan, problem, better, request) if better.delta_v < plan.delta_v else plan
     least = min(least, plan.spent)
-    reason = f"{plan.reason}, {closeness(plan.spent, least, plan.cost, limited and fired)}"
+    ended = ended if plan.spent > (1.0 + request.gap) * least else ""
+    reason = f"{plan.reason}, {closeness(plan.spent, least, plan.cost, limited and fired)}{ended}"
     return replace(plan, lower_bound=least, proven=is_proven(plan.spent, least), reason=reason)
 
 

@@ -120,6 +120,7 @@ class Bound(Protocol):
 
     samples: Samples
     same: float  # of all time: samples that are merged
+    until: float  # value of `perf_counter` from which bounds are not refined
 
     def solve(
         self, samples: list[int], cut: list[Piece], goal: float, parent: Answer | None
@@ -137,11 +138,15 @@ class Bound(Protocol):
 
 
 class Proof(NamedTuple):
-    """Certified lower bound, and a plan of lower cost if one was found."""
+    """Certified lower bound, and a plan of lower cost if one was found.
+
+    If `exhausted`, no sides are left whose bound could rise.
+    """
 
     bound: float
     nodes: int
     better: Any = None
+    exhausted: bool = False
 
 
 def prove(
@@ -151,11 +156,11 @@ def prove(
 
     The search raises it for the given seconds, or nodes, until the optimality gap is at most `gap`.
     """
+    bound.until = perf_counter() + seconds
     search = _Search(bound, cost, SPARE * gap / (1.0 + gap))
-    over = perf_counter() + seconds
-    while search.queue and search.nodes < nodes and perf_counter() < over:
+    while search.queue and search.nodes < nodes and perf_counter() < bound.until:
         search.open(heappop(search.queue))
-    return Proof(min(max(least, search.bound), search.cost), search.nodes, search.better)
+    return Proof(min(max(least, search.bound), search.cost), search.nodes, search.better, not search.queue)
 
 
 def is_proven(energy: float, bound: float) -> bool:

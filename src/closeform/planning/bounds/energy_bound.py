@@ -1,6 +1,7 @@
 """Lower bound on the energy of all clear plans: the Lagrangian dual of samples outside their zones."""
 
 from collections.abc import Callable, Sequence
+from math import inf
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class EnergyBound:
     ratios.  A `fixed` plan is not replaced by one of lower cost.
     """
 
-    same = 5e-3
+    same, until = 5e-3, inf
 
     def __init__(
         self,

@@ -6,6 +6,8 @@ requirement.
 """
 
 from collections.abc import Sequence
+from math import inf
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +52,7 @@ class ImpulseBound:
     `plans` solves for plans of lower cost, if it is given.
     """
 
-    same = 0.0
+    same, until = 0.0, inf
 
     def __init__(
         self, solver: ImpulseSolver, contacts: Sequence[Contact], plans: ImpulseSolver | None = None
@@ -103,7 +105,8 @@ class ImpulseBound:
                 return None
             fleet, found = answer
             trajectories, bound = solver.trajectories(fleet, found.impulses), max(before, found.least)
-            if not self.problem.requirements or bound >= goal or bound - before < GAINED * goal:
+            raised = bound - before >= GAINED * goal and perf_counter() < self.until
+            if not self.problem.requirements or bound >= goal or not raised:
                 return bound, trajectories
             required = self.problem.requirement_checks(trajectories)
             if not any(one.shortfall > OUTSIDE for one in required):
@@ -127,7 +130,7 @@ class ImpulseBound:
                 continue
             best = max(best, found.least)
             last = fleet, found._replace(least=best)
-            if best >= goal or found.longest <= 1.0 + SHORT:
+            if best >= goal or found.longest <= 1.0 + SHORT or perf_counter() > self.until:
                 break
             moments = list(map(Moments.joined, moments, found.peaks))
         if last is not None:
