@@ -31,7 +31,7 @@ from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_solver import SHARED, ImpulseSolver, Program, beside
 from closeform.planning.energy.local_solver import SURE
 from closeform.planning.energy.plane_program import ALONE, press
-from closeform.planning.energy.quadratic_program import solve_qp
+from closeform.planning.energy.quadratic_program import fill_multipliers
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.loop import Rounds, run
 from closeform.planning.passive.certification import failures_with_norms
@@ -334,8 +334,8 @@ def quadratic_minimum(gram: Floats, gaps: Floats, soft: float = 0.0) -> tuple[Fl
     """
     scale = 1.0 / np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
     scaled, target = scale[:, None] * gram * scale, scale * gaps
-    found, count = np.zeros(len(gaps)), len(gaps)
-    solve_qp(scaled, target, count, np.zeros(count, dtype=bool), soft, np.empty((count, count)), found)
+    found = np.zeros(len(gaps))
+    fill_multipliers(np.ascontiguousarray(scaled), target, soft, found)
     short = ((target - scaled @ found) / (scale * (1.0 + np.abs(gaps)))).max(initial=0.0)
     pulled = (found / (scale * (1.0 + np.abs(gaps)))).max(initial=0.0)  # by the plane itself
     compatible = pulled < ALONE if soft else short <= LEFT

@@ -7,11 +7,11 @@ at the minimum energy m.G.m / 2.
 """
 
 import numpy as np
-from numba import boolean
+from numba import boolean, float64, int64
 
 from closeform._jit import kernel
 from closeform.motion.linear import back_substitute, factorise
-from closeform.planning.problem.scene import ROWS
+from closeform.planning.problem.scene import NUMBERS, ROWS
 
 STIFF = 1e-12  # of a contact's own compliance, added so that two equal contacts share their force
 SLACK = 1e-10  # of the zone: tolerated shortfall of an inactive contact
@@ -86,6 +86,14 @@ def solve_qp(gram, gaps, count, active, give, work, multipliers):
             active[k] ^= wrong[k]
     descend(gram, gaps, count, soft, multipliers)
     return APPROXIMATE
+
+
+@kernel(int64(ROWS, NUMBERS, float64, NUMBERS))
+def fill_multipliers(gram, gaps, give, multipliers):
+    """Fill the multipliers as `solve_qp` does, from no active contact; return the status."""
+    count = len(gaps)
+    active, work = np.zeros(count, dtype=np.bool_), np.empty((count, count))
+    return solve_qp(gram, gaps, count, active, give, work, multipliers)
 
 
 @kernel()
