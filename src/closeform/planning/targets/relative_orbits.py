@@ -184,13 +184,6 @@ def string_of_pearls(
         If `orbit` is deep space, which has no along-track direction (see `line`), or perturbed, `count` is
         below 1, `spacing` is not positive, or a number is not finite.
 
-    Examples
-    --------
-    >>> orbit = cf.Orbit.eccentric(0.2, perigee_altitude=500e3)
-    >>> hold = cf.targets.string_of_pearls(orbit, 1, 1.0, along_track=-200.0)
-    >>> bool(np.allclose(orbit.transition(orbit.period) @ hold[0], hold[0]))
-    True
-
     Notes
     -----
     About a circular orbit the craft are at rest.  About an eccentric chief they differ from it in the
@@ -200,6 +193,13 @@ def string_of_pearls(
     References
     ----------
     docs/theory.md (5); Yamanaka and Ankersen, J. Guidance, Control, and Dynamics 25(1), 60-66, 2002.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.eccentric(0.2, perigee_altitude=500e3)
+    >>> hold = cf.targets.string_of_pearls(orbit, 1, 1.0, along_track=-200.0)
+    >>> bool(np.allclose(orbit.transition(orbit.period) @ hold[0], hold[0]))
+    True
     """
     when = scalar("time", time)
     states = line(count, spacing, [0.0, 1.0, 0.0])
