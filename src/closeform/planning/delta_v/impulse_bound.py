@@ -28,6 +28,7 @@ from closeform.zones.zone import scaled_norm
 PRICINGS = 3  # rounds that add firing times at the maxima of primers
 FINER = 6  # factor of the firing times where few allow no impulses
 SHORT = 1e-3  # level of primers above 1 that is not reduced further
+UNPRICED = 0.01  # of the largest multiplier: weight of samples that the plan does not touch
 INSIDE = 1e-4  # of a zone: a pair that is deeper inside is not clear
 GAINED = 1e-4  # of the delta-v: smaller rises of a bound do not pay for more planes of requirements
 FELT = 1e-3  # of the largest multiplier of these planes: planes below it are dropped
@@ -70,7 +71,8 @@ class ImpulseBound:
     ) -> Answer | None:
         """Return the answer of samples in pieces, None for planes that contradict each other.
 
-        The shortfall of a sample is its depth in the zone, if a smaller piece would exclude it.
+        The shortfall of a sample is its depth in the zone, if a smaller piece would exclude it, times its
+        multiplier in the plan: to first order, what the cost depends on.
         """
         held = [(k, piece) for k, piece in zip(samples, cut, strict=True) if not piece.whole]
         if parent is not None and held == parent.found.held:  # a piece that is whole has no plane
@@ -86,6 +88,8 @@ class ImpulseBound:
             found = Found(held, planes, paths, self.failures.brief(paths) if self.failures else paths)
         places = self.problem.motions(found.wide, self.samples.contacts.some(samples))[:, 0]
         short = np.array([self.depth(*one) for one in zip(samples, cut, places, strict=True)]) - INSIDE
+        priced = self.samples.contacts.multipliers
+        short *= UNPRICED + priced[samples] / max(priced.max(initial=0.0), np.finfo(float).tiny)
         return Answer(bound, short, np.zeros(len(samples), dtype=bool), not (short >= 0.0).any(), found)
 
     def depth(self, sample: int, piece: Piece, place: Floats) -> float:
