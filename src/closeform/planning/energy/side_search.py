@@ -119,11 +119,13 @@ class Search:
         solution = self.solver.solve(start, sides, bar)
         self.tried += 1
         self.first = self.first or solution
-        if solution.clear and not any(solution.same(other) for other in self.seen):
+        if not solution.clear:
+            return solution
+        if solution.energy < bar * (1.0 - SIMILAR) or self.best is None:
+            self.best = solution
+            self.proven = self.solver.proven(solution)
+        if not any(solution.same(other) for other in self.seen):
             self.seen.append(solution)
-            if solution.energy < bar * (1.0 - SIMILAR) or self.best is None:
-                self.best = solution
-                self.proven = self.solver.proven(solution)
             if not self.proven and not (self.alone and solution.contacts.number == 1):
                 self.unranked.append(solution)
         return solution
