@@ -16,17 +16,16 @@ paths: `init` begins, `step` does a round, `done` ends the loop of `run`:
     Approach    short steps from nearly clear paths to clear ones
     Descent     steps from clear paths to cheaper ones, all of them clear
 
-`safe_energy` derives rounds of soft planes, and has a descent of its own, for loss of thrust at minimum
-energy.
+`continuous/safe_energy` derives rounds of soft planes, and has a descent of its own, for loss of thrust at
+minimum energy.
 
 From a problem to a plan:
 
 1. `request.Request` holds the checked arguments and makes a `problem.Problem`: base arcs, obstacles, zones.
-2. `planner.planned` keeps clear paths, or calls `least_energy.least_energy` or
-   `delta_v_search.solve_impulses`.  Where none are found, `violations` names what remains.
-3. A search (`delta_v/delta_v_search`, `safe_energy`, `least_energy`, `energy/side_search`) proposes starts:
-   planes on different sides of the zones.  A method above leads from each start to clear paths; the best
-   are kept.
+2. `planner.planned` keeps clear paths, or calls `least_energy` (`continuous/`) or
+   `solve_impulses` (`delta_v/`).  Where none are found, `violations` names what remains.
+3. A search (`delta_v/delta_v_search`, `continuous/`, `energy/side_search`) proposes starts: planes on
+   different sides of the zones.  A method above leads from each start to clear paths; the best are kept.
 4. `planner` turns them into a `Plan`.  `bounds/` and `delta_v/impulse_bound` bound the cost of all clear
    plans.
 

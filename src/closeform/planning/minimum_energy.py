@@ -33,7 +33,6 @@ class Outcome:
     contacts: tuple[Contact, ...]
     extra: float
     margin: float
-    proven: bool
     tried: int
     blocked: tuple[int, int] | None = None
     order: tuple[int, ...] = ()
@@ -86,9 +85,9 @@ def outcome(found: Found) -> Outcome:
         conflicts = best.problem.conflicts(best.trajectories)
         blocked = deepest(conflicts)[0] if conflicts else None
         near = Closest(trajectories=best.trajectories)
-        return Outcome(None, (), nan, found.margin, False, found.tried, blocked, closest=near)
+        return Outcome(None, (), nan, found.margin, found.tried, blocked, closest=near)
     touched = contacts_of(best.problem, best.contacts, best.trajectories)
-    return Outcome(best.planned, touched, best.energy, found.margin, found.proven, found.tried)
+    return Outcome(best.planned, touched, best.energy, found.margin, found.tried)
 
 
 def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
@@ -101,7 +100,7 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
     together = solver.solve(start, nearer(problem))
     if not together.clear or problem.energy(together.trajectories) > problem.energy(alone.trajectories):
         return replace(alone, tried=tried)
-    return outcome(Found(solver.settled(together), MARGINS[0], False, tried + 1))
+    return outcome(Found(solver.settled(together), MARGINS[0], tried + 1))
 
 
 def contacts_of(problem: Problem, contacts: Contacts, trajectories: Trajectories) -> tuple[Contact, ...]:

@@ -21,6 +21,8 @@ from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
 from closeform.planning.bounds.branch_and_bound import closeness, is_proven, prove
 from closeform.planning.bounds.energy_bound import EnergyBound, lower_bound
+from closeform.planning.continuous.least_energy import least_energy
+from closeform.planning.continuous.safe_energy import safe_starts
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_search import (
     fewest,
@@ -33,7 +35,6 @@ from closeform.planning.delta_v.impulse_bound import ImpulseBound
 from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from closeform.planning.energy.side_search import MARGINS, Found
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end, unseparated
-from closeform.planning.least_energy import least_energy
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.methods.sauter_palmer import deviated
 from closeform.planning.methods.sequential import by_messages, one_by_one
@@ -42,7 +43,6 @@ from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak
 from closeform.planning.problem.problem import Problem, Trajectories, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
-from closeform.planning.safe_energy import safe_starts
 from closeform.planning.slots import revised
 from closeform.planning.violations import violations
 from closeform.zones.padding import Short
@@ -240,7 +240,7 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
     if found.trajectories is None or (kept and found.delta_v >= (1.0 - CHEAPER) * float(kept.delta_v.sum())):
         assert kept is not None
         paths = problem.with_path(*(kept[k] for k in range(problem.count)))
-        found = Outcome(paths, (), 0.0, 1.0, False, 0, delta_v=float(kept.delta_v.sum()))
+        found = Outcome(paths, (), 0.0, 1.0, 0, delta_v=float(kept.delta_v.sum()))
     plan = completed(plan, problem, found, request)
     if found.tried:
         return plan
@@ -445,7 +445,7 @@ def bounded(request: Request, plan: Plan) -> Plan:
         least, tried = proof.bound, plan.tried + proof.nodes
         ended = "; the proof has no side left to divide" if proof.exhausted else "; the time to prove is over"
         if isinstance(bound, EnergyBound) and proof.better is not None:
-            better = outcome(Found(proof.better, MARGINS[0], False, tried))
+            better = outcome(Found(proof.better, MARGINS[0], tried))
             plan = completed(plan, problem, better, request)
         elif isinstance(bound, ImpulseBound) and proof.better is not None and bound.plans is not None:
             better = outcome_of(bound.plans, fewest(bound.plans, proof.better), tried)

@@ -110,7 +110,6 @@ def solve_impulses(
         (),
         nan,
         1.0,
-        False,
         found.tried,
         found.blocked,
         enough=enough,
@@ -145,9 +144,7 @@ def solved(
     if alone is not None:
         alone = in_bits(solver, alone) or alone
         small = int(solver.below_bit(alone).sum())
-        found = Outcome(
-            alone.trajectories, (), 0.0, alone.margin, True, 0, delta_v=alone.cost, below_bit=small
-        )
+        found = Outcome(alone.trajectories, (), 0.0, alone.margin, 0, delta_v=alone.cost, below_bit=small)
         return found, free
     tried, safe = len(begun), best is not None
     if best is not None and fires(solver):
@@ -156,7 +153,7 @@ def solved(
         return outcome_of(solver, best, tried), free
     if solver.pushes.fixed.any() or problem.requirements:
         blocking = blocked(solver, free)
-        return Outcome(None, (), nan, 1.0, False, tried, blocking, closest=solver.closest, unfired=safe), free
+        return Outcome(None, (), nan, 1.0, tried, blocking, closest=solver.closest, unfired=safe), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried, closest=solver.closest), free
 
@@ -174,7 +171,7 @@ def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
         best, at, priced = whole, whole.trajectories, False
         places = problem.motions(at, touched)[:, 0]
         touched = touched.some((touched.normals * places).sum(axis=1) < NEAR)
-    answer = best.trajectories, contacts_of(problem, touched, at), nan, best.margin, False, tried
+    answer = best.trajectories, contacts_of(problem, touched, at), nan, best.margin, tried
     small = int(solver.below_bit(best).sum())
     return Outcome(*answer, delta_v=best.cost, priced=priced, below_bit=small)
 
@@ -419,7 +416,7 @@ def strayed(problem: Problem, free: Spent, found: Spent) -> bool:
 def thrusting(problem: Problem, found: Outcome) -> Outcome:
     """Return an outcome of minimum energy as one of delta-v."""
     spent = nan if found.trajectories is None else float(np.sum(problem.path(found.trajectories).delta_v))
-    return replace(found, proven=False, delta_v=spent, priced=False)
+    return replace(found, delta_v=spent, priced=False)
 
 
 def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> ThrustShortfall:

@@ -59,7 +59,7 @@ FOCUSING = 8  # maximum rounds with few times
 ALONE = 8  # rounds without keep-out zones
 STEPS = 60  # maximum rounds of short steps to a first plan
 ROUNDING = 1e-12  # of a bound
-BESIDE = 1e-9  # of a craft's time: a plane does not hold for an impulse that follows it by this much
+JUST_AFTER = 1e-9  # of a craft's time: a plane does not hold for an impulse that follows it by this much
 BOUNDING = 4  # rounds of the bound of requirements
 SHARED = 1e-3  # of the cost: change that ends rounds with requirements, whose planes alternate below it
 TURNS = 5  # of the half-spaces that keep thrust out of cones; fewer find no thrust between two cones
@@ -440,7 +440,7 @@ class ImpulseSolver:
             least = max(least, found.least)
             if found.longest <= 1.0 + SETTLED:
                 break
-            jumps = own.moments(self.pushes.counts, BESIDE)
+            jumps = own.moments(self.pushes.counts, JUST_AFTER)
             moments = list(map(Moments.joined, moments, found.peaks, jumps))
         return least
 

@@ -2,8 +2,8 @@
 
 A schedule is a time in which the craft may fire: after a wait on their initial natural motion, and before a
 coast into their final states.  It is the same problem with quiet times, allowed where these coasts keep all
-zones and requirements.  The times to fire are multiples of a fixed part of the orbit, whatever the duration.
-A longer duration therefore admits the plans of a shorter one wherever waiting is free.
+zones and requirements.  The times to fire are multiples of a fixed part of the orbit, whatever the duration,
+so that where waiting is free a longer duration has the schedules of a shorter one.
 
 Waits matter where a loss of thrust is planned for: the longer a plan lasts, the more of its free drifts
 return to a zone, so that the minimum delta-v without zones is safe only over shorter times.

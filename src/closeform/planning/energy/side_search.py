@@ -37,7 +37,6 @@ class Found:
 
     best: Solution
     margin: float
-    proven: bool
     tried: int
 
 
@@ -99,7 +98,7 @@ class Search:
         best = self.best or self.first
         assert best is not None  # a budget is at least one candidate
         best = self.solver.settled(best) if best.clear else best
-        return Found(best, self.solver.margin, self.proven, self.tried)
+        return Found(best, self.solver.margin, self.tried)
 
     def allowed(self, pairs: int) -> tuple[int, float]:
         """Return the maximum number of candidates, in total and without gain, for `pairs` in contact."""

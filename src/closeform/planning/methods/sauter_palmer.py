@@ -152,7 +152,7 @@ def deviated(problem: Problem, names: Sequence[str]) -> Outcome:
     contacts: list[Contact] = []
 
     def refused(why: str) -> Outcome:
-        none: Outcome = Outcome(None, (), nan, MARGINS[0], False, len(contacts))
+        none: Outcome = Outcome(None, (), nan, MARGINS[0], len(contacts))
         return replace(none, reason=f"{why}; use 'exact'")
 
     while conflicts := problem.conflicts(problem.with_path(legs)):
@@ -176,7 +176,6 @@ def deviated(problem: Problem, names: Sequence[str]) -> Outcome:
         tuple(sorted(contacts, key=lambda contact: contact.time)),
         legs.energy - optimum.energy,
         MARGINS[0],
-        False,
         number,
         priced=False,
         reason=f"{number} deviation point{'s' * (number != 1)} after Sauter & Palmer (2011)",

@@ -127,7 +127,7 @@ def _together(problem: Problem, order: Sequence[int], plans: Mapping[int, OwnPla
         return _blocked(tried, (late, i + j - late))
     contacts = sorted((one for own in plans.values() for one in own.contacts), key=lambda one: one.time)
     extra, margin = sum(own.extra for own in plans.values()), max(own.margin for own in plans.values())
-    return Outcome(trajectories, tuple(contacts), extra, margin, False, tried, priced=not contacts)
+    return Outcome(trajectories, tuple(contacts), extra, margin, tried, priced=not contacts)
 
 
 def _obstacles(problem: Problem) -> dict[int, Path]:
@@ -161,7 +161,7 @@ def _planned(problem: Problem, craft: int, known: dict[int, Path], budget: int |
 
 
 def _blocked(tried: int, pair: tuple[int, int]) -> Outcome:
-    return Outcome(None, (), nan, MARGINS[0], False, tried, blocked=pair)
+    return Outcome(None, (), nan, MARGINS[0], tried, blocked=pair)
 
 
 def _alone(problem: Problem, craft: int, published: dict[int, Path]) -> tuple[Problem, list[int]]:

@@ -1,1 +1,1 @@
-"""Minimum energy with passive safety: clear of zones after any loss of thrust."""
+"""Loss of thrust in plans of any cost: certificate, close approaches, and starts of two impulses."""

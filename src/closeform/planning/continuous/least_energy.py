@@ -5,13 +5,13 @@ from dataclasses import replace
 from itertools import chain, islice
 from math import inf, nan
 
+from closeform.planning.continuous.energy_solver import EnergySolver
+from closeform.planning.continuous.safe_energy import safe_energy
 from closeform.planning.delta_v.delta_v_search import outcome_of, starts
 from closeform.planning.energy.side_search import MARGINS
-from closeform.planning.energy_solver import EnergySolver
 from closeform.planning.minimum_energy import Outcome, solve
 from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.planning.safe_energy import safe_energy
 
 ONE, MANY, MORE = 8, 4, 3  # starts for one craft and for many; factor where none of these is clear
 
@@ -38,7 +38,7 @@ def least_energy(
         tried += 1
     least = solver.requirement_bound() if problem.requirements else 0.0
     if best is None:
-        return Outcome(None, (), nan, MARGINS[0], False, tried, closest=solver.closest, least=least)
+        return Outcome(None, (), nan, MARGINS[0], tried, closest=solver.closest, least=least)
     clear = outcome_of(solver, best, tried)
     return replace(clear, extra=best.cost - solver.least_energy, delta_v=nan, least=min(least, best.cost))
 

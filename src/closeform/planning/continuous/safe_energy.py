@@ -25,9 +25,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.elements.palmer import state_from_palmer
+from closeform.planning.continuous.energy_solver import HARD, ROUNDING, EnergySolver, states
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.impulse_solver import Program
-from closeform.planning.energy_solver import HARD, ROUNDING, EnergySolver, states
 from closeform.planning.loop import Round, Rounds, fading, run
 from closeform.planning.minimum_energy import Outcome, contacts_of
 from closeform.planning.passive.two_impulse_plans import HOPS, two_impulse_plans
@@ -74,7 +74,7 @@ def safe_energy(problem: Problem, budget: int | None, more: bool, waiting: bool)
     least = solver.requirement_bound() if problem.requirements else 0.0
     solver.closest.trajectories = solver.arrived(solver.closest.trajectories or problem.direct)
     if best is None:
-        return Outcome(None, (), nan, solver.least, False, tried, closest=solver.closest, least=least)
+        return Outcome(None, (), nan, solver.least, tried, closest=solver.closest, least=least)
     if best.cost > solver.least_energy:
         best = descended(solver, best)
     pressing = best.contacts.some(best.contacts.multipliers > 0.0)
@@ -82,7 +82,7 @@ def safe_energy(problem: Problem, budget: int | None, more: bool, waiting: bool)
     extra = max(best.cost - solver.least_energy, 0.0)
     priced = bool(touched) or extra == 0.0
     return Outcome(
-        *(solver.arrived(best.trajectories), touched, extra, solver.least, False, tried),
+        *(solver.arrived(best.trajectories), touched, extra, solver.least, tried),
         priced=priced,
         least=min(least, best.cost),
     )

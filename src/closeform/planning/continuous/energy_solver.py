@@ -25,6 +25,7 @@ from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, path_of
+from closeform.planning.continuous.continuous_failures import ContinuousFailures
 from closeform.planning.delta_v.checks import Checked, Spent
 from closeform.planning.delta_v.dual.fleet import Planes
 from closeform.planning.delta_v.firing_times import Moments
@@ -35,7 +36,6 @@ from closeform.planning.energy.quadratic_program import fill_multipliers
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.loop import Rounds, run
 from closeform.planning.passive.certification import failures_with_norms
-from closeform.planning.passive.continuous_failures import ContinuousFailures
 from closeform.planning.problem.problem import Problem, Trajectories
 from closeform.planning.problem.scene import Contacts
 

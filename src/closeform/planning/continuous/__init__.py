@@ -1,0 +1,1 @@
+"""Minimum energy by continuous thrust under any requirement, exact by duality."""
