@@ -76,7 +76,7 @@ def attempt(request: Request, more: bool = False) -> Plan:
     plan = unplanned(request, problem)
     least = plan.lower_bound
     if reason := end_outside(problem, request):
-        return replace(plan, status=Status.END_OUTSIDE, reason=reason, cost=request.cost)
+        return replace(plan, status=Status.END_OUTSIDE, reason=reason)
     clear = (own for own, paths in candidates(request, problem) if is_clear(problem, own, paths))
     kept = None if request.requirements else next(clear, None)  # clear paths may not keep requirements
     if request.cost == "delta-v":
@@ -113,10 +113,11 @@ def attempt(request: Request, more: bool = False) -> Plan:
 
 def unplanned(request: Request, problem: Problem) -> Plan:
     """Return the plan of a request before any search: only its direct paths."""
-    direct, least = problem.path(problem.direct), problem.least_energy
+    direct, least = problem.path(problem.direct), problem.least_energy if request.cost == "energy" else 0.0
     return Plan(
         *(None, direct, request.slots, request.starts, request.durations, nan, nan, nan, least, ()),
         *(Status.NOT_FOUND, ""),
+        cost=request.cost,
         drift=request.drift,
         sigmas=problem.sigmas,
         padding=0.0 if request.padding is None else request.padding.told,
@@ -249,7 +250,7 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
 
 def beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
     """Return the plan with the unconstrained optima of delta-v as its direct paths and lower bound."""
-    return replace(plan, direct=problem.path(free.trajectories), lower_bound=free.least, cost="delta-v")
+    return replace(plan, direct=problem.path(free.trajectories), lower_bound=free.least)
 
 
 def not_found(plan: Plan, request: Request, problem: Problem, found: Outcome) -> Plan:

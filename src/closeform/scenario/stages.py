@@ -296,12 +296,11 @@ class Avoid(Clearing):
             # at minimum energy a craft thrusts all the time, and only its states can be restricted
             on_states = "corridor", "speed_limit", "waypoints"
             needing = [key for key in self.path_requirements if key not in on_states]
-            also = {"method": not self.is_exact}
             if needing:
                 yield f'{needing[0]} needs cost = "delta-v"; add it'
-            first = self.path_requirements[0]
-            for key in (key for key, given in also.items() if given):
-                yield f'{key} with {first} needs cost = "delta-v"; add it, or remove {key}'
+            if not self.is_exact:
+                first = self.path_requirements[0]
+                yield f'method = "{self.method}" cannot be combined with {first}; remove one of them'
         names = self.moving(())
         for name in names:
             if names.count(name) > 1:

@@ -63,7 +63,7 @@ class Solved(NamedTuple):
 
 
 class EnergySolver(ImpulseSolver):
-    """Solver of one problem from any contacts, by continuous thrust; `delta_v` of results is their energy."""
+    """Solver of one problem from any contacts, by continuous thrust; the cost of results is their energy."""
 
     def __init__(self, problem: Problem, margin: float = MARGINS[0]) -> None:
         super().__init__(problem, (None,) * problem.count, ("",) * problem.count)
