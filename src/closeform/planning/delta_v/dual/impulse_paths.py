@@ -1,6 +1,6 @@
 """Paths from optimal impulses: end states met to rounding, with no more impulses than necessary."""
 
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
 from numba import int64, void
@@ -44,7 +44,7 @@ def repair(fleet, i, impulses):
                 matrix[a, b] = 0.0
         for j in range(fleet.counts[i]):
             v = impulses[i, j]
-            weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+            weight = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
             if weight == 0.0:
                 continue
             total += weight
@@ -70,7 +70,7 @@ def repair(fleet, i, impulses):
             left[a] /= matrix[a, a]
         for j in range(fleet.counts[i]):
             v = impulses[i, j]
-            weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+            weight = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
             if weight == 0.0:
                 continue
             mean_rows(fleet, fleet.times[i, j], fleet.widths[i, j], psi)
@@ -80,7 +80,7 @@ def repair(fleet, i, impulses):
                 change[axis] = 0.0
                 for a in range(6):
                     change[axis] += weight * psi[axis, a] * left[a]
-            grown = weight + change[0] * v[0] + change[1] * v[1] + change[2] * v[2]
+            grown = weight * weight + change[0] * v[0] + change[1] * v[1] + change[2] * v[2]
             pulls = grown < 0.0 and not is_free(fleet.along[i, j])
             for axis in range(3):
                 v[axis] = 0.0 if pulls else v[axis] + change[axis]
